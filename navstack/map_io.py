@@ -139,7 +139,7 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
     resolution = document.number("resolution")
     if resolution <= 0.0:
         raise document.error(
-            "resolution", f'"resolution" must be a positive number of metres per cell, not {resolution:g}'
+            "resolution", f'"resolution" must be a positive number of meters per cell, not {resolution:g}'
         )
     x, y, yaw = _origin(document)
     negate = _negate(document)
@@ -348,7 +348,7 @@ def _channels(image: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None
         if raw.size and (int(raw.min()) < 0 or int(raw.max()) > 65535):
             raise ValueError(f"its pixels range from {raw.min()} to {raw.max()}, not within 0 .. 65535")
         return (raw // 257).astype(np.uint8)[:, :, None], None
-    # ROS differs: for an image with a palette, SDL returns the palette indices to map_server; here the colours are used
+    # ROS differs: for an image with a palette, SDL returns the palette indices to map_server; here the colors are used
     if image.mode in ("P", "PA", "LA", "La", "RGBa"):
         image = image.convert("RGBA" if image.mode != "P" or "transparency" in image.info else "RGB")
     elif image.mode not in ("L", "RGB", "RGBA"):

@@ -158,7 +158,9 @@ def test_no_module_hides_a_name_of_a_face() -> None:
     import navstack
 
     # importing navstack.x sets the attribute x of the package, whatever stood there
-    assert not ({package_of(module) for module in FILES} - {"logs"}) & set(navstack.__all__)  # `nav.logs` is the package
+    assert not ({package_of(module) for module in FILES} - {"logs"}) & set(
+        navstack.__all__
+    )  # `nav.logs` is the package
     for face in FACES:
         inner = {module.split(".")[2] for module in FILES if module.startswith(f"{face}.")}
         assert not inner & set(getattr(importlib.import_module(face), "__all__", ())), face

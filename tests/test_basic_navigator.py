@@ -200,7 +200,7 @@ def test_backup_into_a_wall_fails_and_stops() -> None:
     assert -0.3 < world.pose.x <= 0.0
 
 
-def test_a_behavior_stops_with_stale_sensors_and_can_be_cancelled() -> None:
+def test_a_behavior_stops_with_stale_sensors_and_can_be_canceled() -> None:
     world = NavigatorBench()
     world.navigator.backup(1.0, 0.1, 20.0)
     world.navigator.isTaskComplete()
@@ -407,7 +407,7 @@ def test_follow_path_rejects_unusable_paths(poses: np.ndarray) -> None:
     assert navigator.isTaskComplete()
 
 
-def test_follow_path_can_be_cancelled_and_does_not_know_other_planners() -> None:
+def test_follow_path_can_be_canceled_and_does_not_know_other_planners() -> None:
     world = NavigatorBench()
     navigator = world.navigator
     path = Path(np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))

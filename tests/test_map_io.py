@@ -83,7 +83,7 @@ def test_raw(tmp_path: Path) -> None:
     ]
 
 
-def test_colours_are_averaged(tmp_path: Path) -> None:
+def test_colors_are_averaged(tmp_path: Path) -> None:
     image = Image.fromarray(np.array([[[255, 0, 0], [255, 255, 0], [10, 20, 30]]], np.uint8), "RGB")
     # 67 %, 33 % and 92 % black
     assert load_map(write_map(tmp_path, image)).data.tolist() == [[100, -1, 100]]

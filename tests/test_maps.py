@@ -90,11 +90,11 @@ def test_every_place_has_clearance(name: str) -> None:
 
 
 def components(grid: OccupancyGrid, radius: float) -> NDArray[np.int32]:
-    """Labels of the regions that a round robot's centre can reach: cells with this clearance."""
+    """Labels of the regions that a round robot's center can reach: cells with this clearance."""
     free = grid.data == 0
     from scipy.ndimage import distance_transform_edt
 
-    # distance between cell centres less half a diagonal is a lower bound of the room at a centre
+    # distance between cell centers less half a diagonal is a lower bound of the room at a center
     room = distance_transform_edt(~(grid.data >= 100)) * grid.geometry.resolution
     free &= room - grid.geometry.resolution / math.sqrt(2) >= radius
     labels, _ = label(free)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draw the packaged maps: `python tools/draw_maps.py [FOLDER]` (by default `maps`).
 
-Each map is a plan of shapely polygons: floor, solids (walls and furniture), places. A cell is occupied if its centre is in a
+Each map is a plan of shapely polygons: floor, solids (walls and furniture), places. A cell is occupied if its center is in a
 solid, free if it is on the floor, else unknown. The same plan gives the same pixels on every machine: random numbers come from a
 generator in this file.
 """
@@ -22,7 +22,7 @@ from shapely import Geometry, affinity
 from shapely.geometry import Point, box
 
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
-"""Grey values of maps that map_server saves."""
+"""Gray values of maps that map_server saves."""
 
 Pose = tuple[float, float, float]
 EAST, NORTH, WEST, SOUTH = 0.0, 1.5708, 3.1415, -1.5708
@@ -30,7 +30,7 @@ EAST, NORTH, WEST, SOUTH = 0.0, 1.5708, 3.1415, -1.5708
 
 @dataclass
 class Plan:
-    """A building in metres; `size` and `origin` are those of the image."""
+    """A building in meters; `size` and `origin` are those of the image."""
 
     name: str
     title: str
@@ -46,7 +46,7 @@ class Plan:
     goals: tuple[str, ...] = ()
 
     def wall(self, x0: float, y0: float, x1: float, y1: float, thickness: float = 0.1) -> None:
-        """Adds an axis-parallel wall with the centreline from one point to the other, with square ends."""
+        """Adds an axis-parallel wall with the centerline from one point to the other, with square ends."""
         h = thickness / 2
         self.solids.append(box(min(x0, x1) - h, min(y0, y1) - h, max(x0, x1) + h, max(y0, y1) + h))
 
@@ -57,14 +57,14 @@ class Plan:
         self.solids.append(outside.difference(box(0, 0, width, height)))
 
     def door(self, x: float, y: float, *, along: str, width: float = 0.9) -> None:
-        """Adds an opening, centred at the point, in a wall along "x" or "y"."""
+        """Adds an opening, centered at the point, in a wall along "x" or "y"."""
         h, deep = width / 2, 0.2
         self.openings.append(
             box(x - h, y - deep, x + h, y + deep) if along == "x" else box(x - deep, y - h, x + deep, y + h)
         )
 
     def block(self, x: float, y: float, width: float, depth: float, degrees: float = 0.0) -> None:
-        """Adds a rectangular piece of furniture, centred at the point."""
+        """Adds a rectangular piece of furniture, centered at the point."""
         shape = box(x - width / 2, y - depth / 2, x + width / 2, y + depth / 2)
         self.furniture.append(affinity.rotate(shape, degrees, origin=(x, y)))
 
@@ -81,7 +81,7 @@ class Plan:
         floor = shapely.union_all(self.floor)
         walls = shapely.difference(shapely.union_all(self.solids), shapely.union_all(self.openings))
         solid = shapely.union_all([walls, *self.furniture])
-        # a small margin decides about edges through cell centres, not floating-point rounding
+        # a small margin decides about edges through cell centers, not floating-point rounding
         floor, solid = floor.buffer(-1e-6, join_style="mitre"), solid.buffer(1e-6, join_style="mitre")
         shapely.prepare(floor)
         shapely.prepare(solid)
@@ -134,7 +134,7 @@ def office() -> Plan:
     """Rooms on both sides of a corridor, behind doors of 0.9 m."""
     plan = Plan("office", "Office: rooms on both sides of a corridor, doors 0.9 m wide", (24.0, 16.0), (-0.5, -0.5))
     width, height = 23.0, 15.0
-    low, high = 6.5, 8.4  # centrelines of the corridor's walls
+    low, high = 6.5, 8.4  # centerlines of the corridor's walls
     plan.outer_walls(width, height)
     plan.wall(0, low, width, low)
     plan.wall(0, high, width, high)
@@ -156,9 +156,9 @@ def office() -> Plan:
 
     # three offices for two, desks at the windows
     for left, right in ((0.0, 4.6), (4.6, 8.6), (8.6, 12.6)):
-        centre = (left + right) / 2
-        desk(centre - 0.9, 14.1, -1)
-        desk(centre + 0.9, 14.1, -1)
+        center = (left + right) / 2
+        desk(center - 0.9, 14.1, -1)
+        desk(center + 0.9, 14.1, -1)
     plan.block(0.2, 10.2, 0.4, 2.4)  # shelves
     plan.block(8.35, 10.4, 0.4, 2.0)
     plan.block(12.35, 11.6, 0.4, 1.6)
@@ -304,9 +304,9 @@ def warehouse() -> Plan:
                     loads = 2 if rng.chance(0.2) else 3
                     for load in range(loads):
                         deep = 1.0 if rng.chance(0.7) else 0.9
-                        centre = x + bay * (load + 0.5) / loads
+                        center = x + bay * (load + 0.5) / loads
                         inner = y + depth - deep / 2 if side == 0 else y + deep / 2
-                        plan.block(centre, inner, 0.8 if loads == 3 else 1.2, deep)
+                        plan.block(center, inner, 0.8 if loads == 3 else 1.2, deep)
                 for k in range(bays + 1):
                     for post in (0.05, depth - 0.05):
                         plan.block(first + k * bay, y + post, 0.1, 0.1)
@@ -352,8 +352,8 @@ def clinic() -> Plan:
     """Wards on both sides of a service corridor of 1.3 m, behind doors of 1.0 m: a trolley fits, but hardly turns."""
     plan = Plan("clinic", "Clinic: wards along a corridor 1.3 m wide, doors 1.0 m wide", (15.0, 11.0), (-0.5, -0.5))
     width, height = 14.0, 10.0
-    west, east, south, north = 1.85, 12.65, 2.05, 5.95  # centrelines of the inner block's walls
-    corridor = 7.35  # centreline of the wall between corridor and northern wards
+    west, east, south, north = 1.85, 12.65, 2.05, 5.95  # centerlines of the inner block's walls
+    corridor = 7.35  # centerline of the wall between corridor and northern wards
     plan.outer_walls(width, height)
     plan.wall(west, south, east, south)
     plan.wall(west, north, east, north)

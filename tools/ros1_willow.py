@@ -3,7 +3,7 @@
     python tools/ros1_willow.py DATA GOLDEN [--runs 24] [--speed 5]
 
 DATA: a folder with the turtlebot's published parameters and map (NAVSTACK_DATA), GOLDEN: the recorded runs of move_base
-(NAVSTACK_GOLDEN). The runs in one process start within about a centimetre of C++'s start. Exit code 1 if a goal over ROS is not
+(NAVSTACK_GOLDEN). The runs in one process start within about a centimeter of C++'s start. Exit code 1 if a goal over ROS is not
 reached, or its time or length is outside their spread by more than a control period and 5 cm.
 """
 

@@ -11,8 +11,8 @@ from navstack.plugins import Layer, ParamModel, param
 class ForbiddenDiscParams(ParamModel):
     """`<costmap>/<name of the layer>:`."""
 
-    x: float = param(0.0, "centre of the disc in the costmap's frame", unit="m")
-    y: float = param(0.0, "centre of the disc in the costmap's frame", unit="m")
+    x: float = param(0.0, "center of the disc in the costmap's frame", unit="m")
+    y: float = param(0.0, "center of the disc in the costmap's frame", unit="m")
     radius: float = param(0.5, "radius of the disc", unit="m", gt=0.0)
 
 
@@ -30,7 +30,7 @@ class ForbiddenDiscLayer(Layer):
         return bounds.union(Bounds(x - r, y - r, x + r, y + r))
 
     def update_costs(self, master, window):
-        """Lethal where a cell's centre lies in the disc."""
+        """Lethal where a cell's center lies in the disc."""
         rows = np.arange(window.y0, window.y1)[:, None]
         x, y = master.geometry.cell_to_world(np.arange(window.x0, window.x1), rows)
         inside = np.hypot(x - self.params.x, y - self.params.y) <= self.params.radius

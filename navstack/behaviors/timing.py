@@ -47,7 +47,7 @@ def from_path(
 
     The path is replaced by a smoothing spline that stays within about `smoothing_m` (m, root mean square) of its points, because
     plans on a grid have corners in every cell. The speed at each point is limited by max_speed, by the turn rate and turn
-    acceleration on the curve, and by the acceleration from and to its neighbours (a forward and a backward pass).
+    acceleration on the curve, and by the acceleration from and to its neighbors (a forward and a backward pass).
 
     Raises InvalidTrajectoryError for a path without length, InfeasibleTrajectoryError for a curve below the turning radius and
     for limits that are not finite.

@@ -19,7 +19,7 @@ from navstack.behaviors.errors import InvalidTrajectoryError
 from navstack.core import Pose2D, Transform2D, atomic_write, normalize_angle, read_bytes, short_repr
 
 STANDING_M_S: Final = 1e-4
-"""Below this speed the direction of motion is taken from the neighbouring samples (m/s)."""
+"""Below this speed the direction of motion is taken from the neighboring samples (m/s)."""
 
 FloatArray = NDArray[np.float64]
 
@@ -255,9 +255,9 @@ def poly_path(
 
     With the start s, end e, start velocity v, end velocity w and duration T of an edge: s + v t + a t² + b t³ with
     a = (3 (e - s) - 2 T v - T w) / T², b = (2 (s - e) + T (v + w)) / T³. Source of the construction: the ROS tutorial node for
-    timed trajectories. ROS differs: there corners and the last point have no sample, and equal neighbours divide by zero.
+    timed trajectories. ROS differs: there corners and the last point have no sample, and equal neighbors divide by zero.
 
-    Raises InvalidTrajectoryError for fewer than two points, equal neighbours, or a speed that is not positive.
+    Raises InvalidTrajectoryError for fewer than two points, equal neighbors, or a speed that is not positive.
     """
     at = _points(points)
     edges = np.diff(at, axis=0)
@@ -302,7 +302,7 @@ def figure_eight(
     height: float = 2.0,
     period: float = 10.0,
     *,
-    centre: ArrayLike = (0.0, 0.0, 0.0),
+    center: ArrayLike = (0.0, 0.0, 0.0),
     plane: Literal["xy", "yz"] = "xy",
     loops: int = 1,
     dt: float = SAMPLE_S,
@@ -322,7 +322,7 @@ def figure_eight(
         p[:, first], p[:, second] = 0.5 * width * np.sin(2.0 * w * t), -0.5 * height * np.cos(w * t)
         v[:, first], v[:, second] = width * w * np.cos(2.0 * w * t), 0.5 * height * w * np.sin(w * t)
         a[:, first], a[:, second] = -2.0 * width * w * w * np.sin(2.0 * w * t), 0.5 * height * w * w * np.cos(w * t)
-        return p + _vector_of(centre), v, a
+        return p + _vector_of(center), v, a
 
     return sampled(curve, loops * period, dt, frame, "figure_eight")
 
@@ -331,7 +331,7 @@ def heart(
     size: float = 1.0,
     period: float = 10.0,
     *,
-    centre: ArrayLike = (0.0, 0.0, 0.0),
+    center: ArrayLike = (0.0, 0.0, 0.0),
     dt: float = SAMPLE_S,
     frame: str = "map",
 ) -> Trajectory:
@@ -349,7 +349,7 @@ def heart(
         p[:, 0], p[:, 1] = 1.6 * c1 - 1.2 * c2, 1.9 * s1 - 0.95 * s2
         v[:, 0], v[:, 1] = w * (-1.6 * s1 + 2.4 * s2), w * (1.9 * c1 - 1.9 * c2)
         a[:, 0], a[:, 1] = w * w * (-1.6 * c1 + 4.8 * c2), w * w * (-1.9 * s1 + 3.8 * s2)
-        return size * p + _vector_of(centre), size * v, size * a
+        return size * p + _vector_of(center), size * v, size * a
 
     return sampled(curve, period, dt, frame, "heart")
 

@@ -544,7 +544,7 @@ class BasicNavigator(NavigatorServices):
     def cancelTask(self) -> None:
         """Cancel the present task and wait for its end, at most one control cycle."""
         if self._runner.running is not None:
-            self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behavior was cancelled"))
+            self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behavior was canceled"))
         elif self._handle is not None and not self._handle.is_done:
             self.move_base.cancel_goal(self._handle)
             self._result = TaskResult.CANCELED

@@ -103,8 +103,8 @@ def plan(
 
     `resolution` is the size of a cell (m), `origin` the lower left corner of the array (x, y; m). A bool array is True where
     occupied; `values` names the meaning of other arrays, see `OccupancyGrid.from_array`. Unknown cells count as occupied unless
-    `unknown` is "free". `start` and `goal` are (x, y) or (x, y, yaw) in metres and radians. No centre of a cell on the path is
-    within `robot_radius` (m) of an occupied cell's centre; with 0, the robot is a point. Instead, `footprint` gives the robot's
+    `unknown` is "free". `start` and `goal` are (x, y) or (x, y, yaw) in meters and radians. No center of a cell on the path is
+    within `robot_radius` (m) of an occupied cell's center; with 0, the robot is a point. Instead, `footprint` gives the robot's
     corners (x, y) in its own frame (m): `smac_hybrid` and `smac_lattice` keep all of it free, others its inscribed circle.
 
     `planner` is any registered name, `parameters` its parameters by name; the others have their defaults. The exception is
@@ -139,7 +139,7 @@ def _shape(footprint: Footprint | Sequence[tuple[float, float]] | None, radius: 
             footprint = Footprint(np.array(footprint, np.float64))
         except (TypeError, ValueError):
             raise InputError(
-                f"footprint={footprint!r} is not a list of corners; give [(x, y), (x, y), (x, y), ..] in metres",
+                f"footprint={footprint!r} is not a list of corners; give [(x, y), (x, y), (x, y), ..] in meters",
                 argument="footprint",
             ) from None
     return footprint, footprint.inscribed_radius
@@ -173,5 +173,5 @@ def pose_of(name: str, value: Any) -> Pose2D:
             x, y, *yaw = (float(v) for v in value)
             value = Pose2D(x, y, *yaw)
     except (TypeError, ValueError):
-        raise InputError(f"the {name} {value!r} is not (x, y) or (x, y, yaw) in metres and radians") from None
+        raise InputError(f"the {name} {value!r} is not (x, y) or (x, y, yaw) in meters and radians") from None
     return require_finite_pose(value, name)

@@ -53,13 +53,13 @@ def parse_numbers(text: str, argument: str, shape: str, counts: tuple[int, ...])
 
 def parse_pose(text: str, argument: str) -> Pose2D:
     """`x,y` or `x,y,yaw` -> pose (m, rad); the default yaw is 0. Raises InputError."""
-    values = parse_numbers(text, argument, "x,y or x,y,yaw in metres and radians, such as 29.75,7.95,1.57", (2, 3))
+    values = parse_numbers(text, argument, "x,y or x,y,yaw in meters and radians, such as 29.75,7.95,1.57", (2, 3))
     return Pose2D(values[0], values[1], normalize_angle(values[2]) if len(values) == 3 else 0.0)
 
 
 def parse_point(text: str, argument: str) -> tuple[float, float]:
     """`x,y` -> point (m). Raises InputError."""
-    x, y = parse_numbers(text, argument, "x,y in metres, such as 29.75,7.95", (2,))
+    x, y = parse_numbers(text, argument, "x,y in meters, such as 29.75,7.95", (2,))
     return x, y
 
 
@@ -67,7 +67,7 @@ def parse_obstacle(text: str) -> tuple[tuple[float, float, float], bool]:
     """`x,y,r` or `x,y,r,low` -> disc (x, y, radius in m), and True for a low one. Raises InputError."""
     head, comma, word = text.rpartition(",")
     low = bool(comma) and word.strip() == "low"
-    shape = "x,y,r in metres, such as 3.0,1.5,0.2; append ,low for an obstacle that only bumpers and low lidars detect"
+    shape = "x,y,r in meters, such as 3.0,1.5,0.2; append ,low for an obstacle that only bumpers and low lidars detect"
     x, y, r = parse_numbers(head if low else text, "--obstacle", shape, (3,))
     if r <= 0.0:
         raise InputError(f'--obstacle "{text}": the radius must be positive', argument="--obstacle", value=text)

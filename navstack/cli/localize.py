@@ -425,12 +425,12 @@ def _write(
         suffix = "" if number == 0 else "_versus"
         picture, table = out / f"starts{suffix}.png", out / f"starts{suffix}.csv"
         plot_starts(starts, query.grid, picture, title=f"{title}: {name}")
-        lines = ["scan,x,y,yaw,outcome,scans,seconds,metres,error,wrong"]
+        lines = ["scan,x,y,yaw,outcome,scans,seconds,meters,error,wrong"]
         for r in starts.results:
             x, y, yaw = r.pose
             error = "" if r.error != r.error else f"{r.error:.4f}"
             lines.append(
-                f"{r.scan},{x:.4f},{y:.4f},{yaw:.4f},{r.outcome},{r.scans},{r.seconds:.3f},{r.metres:.3f},{error},{r.wrong}"
+                f"{r.scan},{x:.4f},{y:.4f},{yaw:.4f},{r.outcome},{r.scans},{r.seconds:.3f},{r.meters:.3f},{error},{r.wrong}"
             )
         write_text(table, "\n".join(lines) + "\n")
         files |= {f"picture{suffix}".replace("_", " "): str(picture), f"table{suffix}".replace("_", " "): str(table)}

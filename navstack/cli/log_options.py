@@ -85,7 +85,7 @@ def parse_mountings(texts: list[str]) -> dict[str, tuple[float, ...]]:
                 argument="--mount",
                 value=text,
             )
-        found[frame.strip()] = tuple(parse_numbers(values, "--mount", "x,y,z,yaw in metres and radians", (4,)))
+        found[frame.strip()] = tuple(parse_numbers(values, "--mount", "x,y,z,yaw in meters and radians", (4,)))
     return found
 
 

@@ -275,7 +275,7 @@ def _pose_or_place(text: str, world: str) -> list[float]:
     known = ", ".join(places)
     also = f", or a place of {world}: {known}" if known else ""
     raise InputError(
-        f'the pose "{text}" is neither x,y or x,y,yaw in metres and radians, such as 3,7.45,1.57{also}', value=text
+        f'the pose "{text}" is neither x,y or x,y,yaw in meters and radians, such as 3,7.45,1.57{also}', value=text
     )
 
 
@@ -316,7 +316,7 @@ HEADINGS = tuple(k * math.pi / 6.0 for k in range(12))
 CHECKS = 120
 """Number of poses of the trajectory that are checked."""
 ROOM_M = 0.15
-"""Distance that the footprint keeps from walls: a robot with slip leaves the trajectory by some centimetres."""
+"""Distance that the footprint keeps from walls: a robot with slip leaves the trajectory by some centimeters."""
 
 
 def roomy_start(scenario: Scenario, trajectory: Trajectory, places: Places) -> tuple[str, Pose2D] | None:

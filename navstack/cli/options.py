@@ -140,7 +140,7 @@ Footprint = Annotated[
     typer.Option(
         "--footprint",
         metavar="LENGTHxWIDTH|POINTS",
-        help="Footprint (m): a box such as 1.2x0.7 around the centre, or points [[x,y],..]. [default: of the parameters]",
+        help="Footprint (m): a box such as 1.2x0.7 around the center, or points [[x,y],..]. [default: of the parameters]",
     ),
 ]
 Obstacles = Annotated[

@@ -204,7 +204,7 @@ def shows_progress(*, quiet: bool = False) -> bool:
 
 @contextmanager
 def counting_bar(what: str, *, quiet: bool) -> Generator[Callable[[int, int], None]]:
-    """A progress bar on stderr, labelled `what`; yields its callback `progress(done, total)`."""
+    """A progress bar on stderr, labeled `what`; yields its callback `progress(done, total)`."""
     from rich.progress import Progress
 
     with Progress(console=stderr(), transient=True, disable=not shows_progress(quiet=quiet)) as bar:

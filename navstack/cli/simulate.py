@@ -78,7 +78,7 @@ def _simulate(
     else:
         _print(result, files, scenario.time_limit_s)
     if interrupt():
-        print_note("interrupted: the goal was cancelled, and the record ends there")
+        print_note("interrupted: the goal was canceled, and the record ends there")
         return interrupt.exit_code
     return 0 if result.succeeded else 1
 

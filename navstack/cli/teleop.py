@@ -242,7 +242,7 @@ class MapDisplay:
             robot.pose,
             columns=max(size.width - 1, 20),
             rows=max(size.height - HEIGHT_OF_TEXT, 5),
-            metres=self._zoom,
+            meters=self._zoom,
             trail=self._trail,
             seen=self._seen(),
         )

@@ -90,17 +90,17 @@ def map_lines(
     *,
     columns: int,
     rows: int,
-    metres: float,
+    meters: float,
     trail: list[tuple[float, float]] | None = None,
     seen: list[tuple[float, float]] | None = None,
 ) -> list[str]:
-    """Return `rows` lines of `columns` characters around the robot; a character is `metres` wide and twice as high.
+    """Return `rows` lines of `columns` characters around the robot; a character is `meters` wide and twice as high.
 
     A character is occupied if any cell in it is. `trail` and `seen` (obstacles of the sensors) are points of the map (m).
     """
     import numpy as np
 
-    wide, high = metres, 2.0 * metres
+    wide, high = meters, 2.0 * meters
     left, top = robot.x - 0.5 * columns * wide, robot.y + 0.5 * rows * high
     g = grid.geometry
     cells = np.full((rows, columns), -2, np.int16)

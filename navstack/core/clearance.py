@@ -47,19 +47,19 @@ def _smallest_distance(
     ys, xs = np.nonzero(lethal)
     if len(xs) == 0:
         return math.inf
-    centres = np.column_stack([left + (xs + 0.5) * resolution, bottom + (ys + 0.5) * resolution])
-    if len(points) * len(centres) <= _FEW_PAIRS:
-        gap = np.maximum(np.abs(centres[None] - points[:, None]) - 0.5 * resolution, 0.0)
+    centers = np.column_stack([left + (xs + 0.5) * resolution, bottom + (ys + 0.5) * resolution])
+    if len(points) * len(centers) <= _FEW_PAIRS:
+        gap = np.maximum(np.abs(centers[None] - points[:, None]) - 0.5 * resolution, 0.0)
         return float(np.hypot(gap[..., 0], gap[..., 1]).min())
     from scipy.spatial import KDTree  # slow import, not needed for few pairs
 
-    tree = KDTree(centres)
+    tree = KDTree(centers)
     distances, _ = tree.query(points)
-    # a square is nearer than its centre by half a side to half a diagonal
+    # a square is nearer than its center by half a side to half a diagonal
     near = points[distances <= distances.min() + 0.21 * resolution + 1e-9]
     smallest = math.inf
     for point in near:
-        around = centres[tree.query_ball_point(point, float(distances.min()) + 0.42 * resolution + 1e-9)]
+        around = centers[tree.query_ball_point(point, float(distances.min()) + 0.42 * resolution + 1e-9)]
         if len(around):
             gap = np.maximum(np.abs(around - point) - 0.5 * resolution, 0.0)
             smallest = min(smallest, float(np.hypot(gap[:, 0], gap[:, 1]).min()))

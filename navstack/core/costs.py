@@ -7,7 +7,7 @@ from typing import Final
 FREE: Final = 0
 """No obstacle nearby."""
 INSCRIBED: Final = 253
-"""The robot is in collision if its centre is in this cell, at any heading."""
+"""The robot is in collision if its center is in this cell, at any heading."""
 LETHAL: Final = 254
 """The cell contains an obstacle."""
 UNKNOWN: Final = 255

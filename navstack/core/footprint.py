@@ -1,4 +1,4 @@
-"""The robot's footprint: a polygon around its centre, and the two radii that costmap_2d derives from it.
+"""The robot's footprint: a polygon around its center, and the two radii that costmap_2d derives from it.
 
 Source of the rules: costmap_2d/src/footprint.cpp (16-gon from a radius, padding away from zero per axis, inscribed and
 circumscribed radius over vertices and edges).
@@ -56,7 +56,7 @@ class Footprint:
     def from_radius(cls, radius: float, padding: float = 0.0) -> Footprint:
         """Return the footprint of a circle of `radius` (m): a regular 16-gon, as in costmap_2d."""
         if not (math.isfinite(radius) and radius > 0.0):
-            raise InputError(f"robot_radius must be a positive number of metres, not {radius}", radius=radius)
+            raise InputError(f"robot_radius must be a positive number of meters, not {radius}", radius=radius)
         return cls(_circle(radius), padding)
 
     @cached_property

@@ -139,7 +139,7 @@ def overlaps_box(placed, x0, y0, x1, y1):
     left, right = x0 + BORDER, x1 - BORDER
     low, high = y0 + BORDER, y1 - BORDER
     n = placed.shape[1]
-    level, centre = 0.5 * (y0 + y1), 0.5 * (x0 + x1)
+    level, center = 0.5 * (y0 + y1), 0.5 * (x0 + x1)
     inside = False
     px, py = placed[0, n - 1], placed[1, n - 1]
     for i in range(n):
@@ -156,8 +156,8 @@ def overlaps_box(placed, x0, y0, x1, y1):
                 begin, end = max(begin, min(a, b)), min(end, max(a, b))
             if begin < end:
                 return True
-        # no edge in the box: it is inside if an odd number of edges cross its row to the left of its centre
-        if (py > level) != (qy > level) and centre > px + (level - py) / (qy - py) * (qx - px):
+        # no edge in the box: it is inside if an odd number of edges cross its row to the left of its center
+        if (py > level) != (qy > level) and center > px + (level - py) / (qy - py) * (qx - px):
             inside = not inside
         px, py = qx, qy
     return inside

@@ -1,4 +1,4 @@
-"""Poses, velocities and rigid transforms in the plane. Metres, radians, counter-clockwise."""
+"""Poses, velocities and rigid transforms in the plane. Meters, radians, counter-clockwise."""
 
 from __future__ import annotations
 

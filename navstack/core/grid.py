@@ -1,6 +1,6 @@
 """Grid geometry (world <-> cell) and costmaps.
 
-Arrays are `[iy, ix]`, row 0 = smallest y. `ix = floor((x - origin_x) / resolution)`; the centre of cell i is at
+Arrays are `[iy, ix]`, row 0 = smallest y. `ix = floor((x - origin_x) / resolution)`; the center of cell i is at
 `origin + (i + 0.5) * resolution` (costmap_2d/src/costmap_2d.cpp).
 """
 
@@ -82,7 +82,7 @@ class GridGeometry:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resolution) and self.resolution > 0.0):
-            raise InputError(f"resolution must be a positive number of metres per cell, not {self.resolution}")
+            raise InputError(f"resolution must be a positive number of meters per cell, not {self.resolution}")
         if not (math.isfinite(self.origin_x) and math.isfinite(self.origin_y)):
             raise InputError(f"the origin of a grid must be finite, not ({self.origin_x}, {self.origin_y})")
         if self.nx < 1 or self.ny < 1:
@@ -105,7 +105,7 @@ class GridGeometry:
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """(left, right, bottom, top) in metres, as for matplotlib's imshow."""
+        """(left, right, bottom, top) in meters, as for matplotlib's imshow."""
         return self.origin_x, self.origin_x + self.width_m, self.origin_y, self.origin_y + self.height_m
 
     @property
@@ -128,7 +128,7 @@ class GridGeometry:
         return math.floor((x - self.origin_x) / self.resolution), math.floor((y - self.origin_y) / self.resolution)
 
     def cell_to_world(self, ix: int, iy: int) -> tuple[float, float]:
-        """Return the world coordinates (m) of the centre of a cell."""
+        """Return the world coordinates (m) of the center of a cell."""
         return self.origin_x + (ix + 0.5) * self.resolution, self.origin_y + (iy + 0.5) * self.resolution
 
     def contains_cell(self, ix: int, iy: int) -> bool:

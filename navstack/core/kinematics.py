@@ -73,7 +73,7 @@ class DifferentialDrive(WheelDrive):
 
 
 class OmniDrive(WheelDrive):
-    """Omni wheels on a circle around the centre, each rolling along the tangent, counter-clockwise if positive."""
+    """Omni wheels on a circle around the center, each rolling along the tangent, counter-clockwise if positive."""
 
     def __init__(self, radius: float, angles: Sequence[float] = (math.pi / 3.0, math.pi, -math.pi / 3.0)) -> None:
         """`radius` (m) of the circle; `angles` (rad) of the wheels on it from straight ahead, by default three at 120 degrees."""
@@ -97,7 +97,7 @@ class MecanumDrive(WheelDrive):
 
 def _require_positive(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"{name} = {value:g} must be a positive length in metres", parameter=name, value=value)
+        raise InputError(f"{name} = {value:g} must be a positive length in meters", parameter=name, value=value)
 
 
 Method = Literal["exact", "euler", "rk2"]
@@ -135,17 +135,17 @@ class WheelOdometry:
     def __init__(
         self,
         drive: WheelDrive,
-        metres_per_tick: float,
+        meters_per_tick: float,
         start: Pose2D = Pose2D(0.0, 0.0),
         method: Method = "exact",
     ) -> None:
-        """`metres_per_tick`: 2 pi wheel radius / ticks per revolution. Raises InputError."""
-        if not (math.isfinite(metres_per_tick) and metres_per_tick > 0.0):
-            raise InputError(f"metres_per_tick = {metres_per_tick:g} must be positive", value=metres_per_tick)
+        """`meters_per_tick`: 2 pi wheel radius / ticks per revolution. Raises InputError."""
+        if not (math.isfinite(meters_per_tick) and meters_per_tick > 0.0):
+            raise InputError(f"meters_per_tick = {meters_per_tick:g} must be positive", value=meters_per_tick)
         if method not in METHODS:
             raise InputError(f'unknown method "{method}" of integration; use {", ".join(METHODS)}', method=method)
         self.drive = drive
-        self.metres_per_tick = metres_per_tick
+        self.meters_per_tick = meters_per_tick
         self.method: Method = method
         self.pose = start
         """In the frame of the odometry (m, rad)."""
@@ -166,7 +166,7 @@ class WheelOdometry:
             dt = time - self._time
             if dt < 0.0:
                 raise InputError(f"the encoders' time {time:g} s is before the last one, {self._time:g} s", time=time)
-            moved = self.drive.twist(self.metres_per_tick * (counts - self._ticks).astype(np.float64))
+            moved = self.drive.twist(self.meters_per_tick * (counts - self._ticks).astype(np.float64))
             self.pose = integrate(self.pose, moved, 1.0, self.method)
             if dt > 0.0:
                 self.velocity = Twist2D(moved.vx / dt, moved.vy / dt, moved.wz / dt)
@@ -177,17 +177,17 @@ class WheelOdometry:
 class SteeringAngles(NamedTuple):
     """Steering angles (rad) of a car's front wheels, positive to the left."""
 
-    centre: float
+    center: float
     """Angle of the wheel in the middle of the axle that the two wheels replace."""
     left: float
     right: float
 
 
 class AckermannDrive:
-    """A car whose base frame is at the centre of the rear axle: wz = v tan(steering) / wheelbase."""
+    """A car whose base frame is at the center of the rear axle: wz = v tan(steering) / wheelbase."""
 
     def __init__(self, wheelbase: float, track: float, max_steering_angle: float) -> None:
-        """`wheelbase` and `track` in m; `max_steering_angle` (rad) of the (centre) front wheel, below pi / 2."""
+        """`wheelbase` and `track` in m; `max_steering_angle` (rad) of the (center) front wheel, below pi / 2."""
         if not (wheelbase > 0.0 and track >= 0.0 and 0.0 < max_steering_angle < 0.5 * math.pi):
             raise InputError(
                 f"a car needs wheelbase > 0, track >= 0 and 0 < max_steering_angle < pi / 2, not {wheelbase:g} m, {track:g} m "
@@ -197,7 +197,7 @@ class AckermannDrive:
 
     @property
     def turning_radius(self) -> float:
-        """Minimum radius (m) of the circle that the centre of the rear axle drives."""
+        """Minimum radius (m) of the circle that the center of the rear axle drives."""
         return self.wheelbase / math.tan(self.max_steering_angle)
 
     def steering(self, twist: Twist2D) -> float | None:

@@ -103,7 +103,7 @@ class OccupancyGrid:
         meaning = _meaning(cells, values)
         if not is_number(resolution) or not (math.isfinite(resolution) and resolution > 0.0):
             raise InputError(
-                f"the resolution must be a positive number of metres per cell, not {_short(resolution)}; write for "
+                f"the resolution must be a positive number of meters per cell, not {_short(resolution)}; write for "
                 "example 0.05",
                 argument="resolution",
             )
@@ -190,7 +190,7 @@ def _corner(origin: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise InputError(f"the origin must be (x, y) in metres, not {_short(origin)}", argument="origin")
+        raise InputError(f"the origin must be (x, y) in meters, not {_short(origin)}", argument="origin")
     return x, y
 
 

@@ -84,7 +84,7 @@ def comes_nearer(corners, scale, pose, start, grid, cells, placed):
     """Return True if the robot is nearer to one of the `cells` (m, 2) at `pose` than at `start`.
 
     `scale`: of the part of the footprint that overlaps none of the cells at the start (`free_scale`), which must not overlap one
-    at the pose, either. 0 for a round robot, whose distance is that of its centre. `placed` (2, n) is scratch.
+    at the pose, either. 0 for a round robot, whose distance is that of its center. `placed` (2, n) is scratch.
     """
     if scale > 0.0:
         place_scaled(corners, scale, pose, grid, placed)

@@ -11,14 +11,14 @@ def require_pose(value: object, what: str) -> Pose2D:
     """Return `value` if it is a Pose2D. Raises InputError for a plain tuple and all other types."""
     if isinstance(value, Pose2D):
         return value
-    raise InputError(f"the {what} {value!r} is not a Pose2D; pass navstack.Pose2D(x, y, yaw) in metres and radians")
+    raise InputError(f"the {what} {value!r} is not a Pose2D; pass navstack.Pose2D(x, y, yaw) in meters and radians")
 
 
 def require_finite_pose(value: object, what: str) -> Pose2D:
     """Return `value` if it is a Pose2D of finite numbers. Raises InputError otherwise."""
     pose = require_pose(value, what)
     if not pose.is_finite():
-        raise InputError(f"the {what} {tuple(pose)} is not finite; give x,y,yaw in metres and radians", pose=pose)
+        raise InputError(f"the {what} {tuple(pose)} is not finite; give x,y,yaw in meters and radians", pose=pose)
     return pose
 
 

@@ -26,7 +26,7 @@ class RobotState(NamedTuple):
 class LaserScan:
     """One sweep of a planar range finder, as sensor_msgs/LaserScan.
 
-    `ranges` (n,) float32, metres; beam i has the direction `angle_min + i * angle_increment` (rad) in `frame`. Beams without
+    `ranges` (n,) float32, meters; beam i has the direction `angle_min + i * angle_increment` (rad) in `frame`. Beams without
     a hit are +inf, invalid ones NaN. `height` is the height of the sensor above the ground (m), because frames are planar.
     """
 
@@ -90,7 +90,7 @@ class DeferredScan(LaserScan):
 
     @property
     def ranges(self) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """(n,) float32, metres; computed at the first access."""
+        """(n,) float32, meters; computed at the first access."""
         measured: Any = self._measured
         if measured is None:
             measured = self._measure()
@@ -101,7 +101,7 @@ class DeferredScan(LaserScan):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointCloud:
-    """Points (n, 3) float32, metres, in `frame` (z above the ground), as sensor_msgs/PointCloud2."""
+    """Points (n, 3) float32, meters, in `frame` (z above the ground), as sensor_msgs/PointCloud2."""
 
     points: NDArray[np.float32]
     stamp: float = 0.0

@@ -126,10 +126,10 @@ def share(successes: Sequence[bool], groups: Sequence[Hashable] | None = None, *
         seen = len(means) / (len(means) - 1) * float((weights**2 * (means - p) ** 2).sum())
         effective = min(max(p * (1.0 - p) / seen, effective), float(len(values))) if seen > 0.0 else float(len(values))
     z2 = _normal_quantile(level) ** 2
-    centre = (p + z2 / (2.0 * effective)) / (1.0 + z2 / effective)
+    center = (p + z2 / (2.0 * effective)) / (1.0 + z2 / effective)
     half = math.sqrt(z2 * (p * (1.0 - p) / effective + z2 / (4.0 * effective**2))) / (1.0 + z2 / effective)
     # rounding must not exclude the estimate from the interval
-    return Interval(p, min(p, max(0.0, centre - half)), max(p, min(1.0, centre + half)), len(means), level)
+    return Interval(p, min(p, max(0.0, center - half)), max(p, min(1.0, center + half)), len(means), level)
 
 
 def mean(values: Sequence[float], groups: Sequence[Hashable] | None = None, *, level: float = LEVEL) -> Interval:

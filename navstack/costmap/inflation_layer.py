@@ -1,6 +1,6 @@
 """costmap_2d::InflationLayer: costs that decrease with the distance to the nearest obstacle (plugins/inflation_layer.cpp).
 
-ROS propagates the nearest obstacle over the 4-neighbourhood, which misses it for a few cells per map. Here the distance is the
+ROS propagates the nearest obstacle over the 4-neighborhood, which misses it for a few cells per map. Here the distance is the
 exact Euclidean one (Felzenszwalb & Huttenlocher, "Distance Transforms of Sampled Functions", 2012: one pass along the columns,
 then one along the rows; both limited to the inflation radius).
 """
@@ -99,7 +99,7 @@ def inflate(master, x0, y0, x1, y1, ahead, behind, below, rows, near, near_words
 
     The rows of the window are processed from the top down. `below` is the distance down to the nearest lethal cell of each
     column, `counts` the distance up, `near` the smaller of the two. A column affects the cells to its right only if its right
-    neighbour is farther from an obstacle (left likewise). So few columns are propagated along the row, and in most of the row
+    neighbor is farther from an obstacle (left likewise). So few columns are propagated along the row, and in most of the row
     nothing is near. The loops over whole rows are functions of their own because they vectorize there.
     """
     radius = ahead.shape[0] - 1
@@ -240,7 +240,7 @@ def nearest_lethal(costs: NDArray[np.uint8], ix: int, iy: int, radius: int) -> t
 
 @LAYERS.register("inflation", aliases=("costmap_2d/InflationLayer", "nav2_costmap_2d/InflationLayer"))
 class InflationLayer(Layer):
-    """Costs around obstacles, higher the nearer, which keep the robot's centre away. 1 byte per cell."""
+    """Costs around obstacles, higher the nearer, which keep the robot's center away. 1 byte per cell."""
 
     Params: ClassVar[type[ParamModel]] = InflationLayerParams
     LIVE: ClassVar[frozenset[str]] = frozenset(

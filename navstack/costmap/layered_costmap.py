@@ -316,7 +316,7 @@ class LayeredCostmap:
         return GridGeometry(nx, ny, params.resolution, params.origin_x, params.origin_y)
 
     def _roll(self, robot: Pose2D) -> None:
-        """Move the window by whole cells so that the robot is at its centre.
+        """Move the window by whole cells so that the robot is at its center.
 
         The origin is summed up as in costmap_2d, to the last bit, because rays clipped at the border depend on it. It is also
         counted in cells from its first value, so that rounding errors do not accumulate.
@@ -340,7 +340,7 @@ class LayeredCostmap:
 
 
 def _without_drift(summed: float, counted: float) -> float:
-    """Return the origin summed up over the shifts, or the one counted in cells if they differ by a nanometre."""
+    """Return the origin summed up over the shifts, or the one counted in cells if they differ by a nanometer."""
     return summed if abs(summed - counted) < 1e-9 else counted
 
 
@@ -417,7 +417,7 @@ def _refuse(costmap: str, layer: str, names: frozenset[str]) -> None:
 
 
 def costs_of_occupied(lethal: NDArray[np.bool_], radius_cells: float) -> NDArray[np.uint8]:
-    """Return (ny, nx) costs: lethal, inscribed where a lethal cell's centre is within the radius, and free."""
+    """Return (ny, nx) costs: lethal, inscribed where a lethal cell's center is within the radius, and free."""
     costs = np.where(lethal, np.uint8(LETHAL), np.uint8(FREE))
     if radius_cells >= 1.0 and lethal.any():
         from scipy.ndimage import distance_transform_edt  # slow import, not needed for a point

@@ -108,7 +108,7 @@ class KeepoutMaskLayer(_MaskLayer):
     """Areas that the robot must avoid: 100 in the mask is lethal, 1 .. 99 are costs in proportion, 0 and unknown change nothing.
 
     The larger cost counts. Under a rotated mask, a cell is lethal if it overlaps any lethal cell of the mask. List the layer
-    before the inflation layer to keep out the whole robot, after it to keep out its centre.
+    before the inflation layer to keep out the whole robot, after it to keep out its center.
     """
 
     Params: ClassVar[type[ParamModel]] = MaskLayerParams

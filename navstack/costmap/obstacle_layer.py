@@ -257,7 +257,7 @@ def _area(vertices: NDArray[np.float64]) -> float:
 
 
 def _is_ear(polygon: NDArray[np.float64], left: list[int], i: int) -> bool:
-    """Return True if the corner turns left and its triangle with its neighbours contains no other corner."""
+    """Return True if the corner turns left and its triangle with its neighbors contains no other corner."""
     a, b, c = polygon[left[i - 1]], polygon[left[i]], polygon[left[(i + 1) % len(left)]]
     if _side(a, b, c) <= 0.0:
         return False

@@ -54,7 +54,7 @@ class StaticLayer(Layer):
     """Obstacles of the static map.
 
     Without a rolling window, the costmap has the size of the map and the layer writes only when the map is new. In a rolling
-    window or in another frame, each cell centre is looked up in the map. With a rotated map, a cell is also lethal if it overlaps
+    window or in another frame, each cell center is looked up in the map. With a rotated map, a cell is also lethal if it overlaps
     any lethal cell of the map, and the area beyond the map is unknown. 1 byte per cell of the map.
     """
 
@@ -234,7 +234,7 @@ def map_from_frame(grid: OccupancyGrid, frames: FrameTree, frame: str, stamp: fl
 
 
 def cell_affine(transform: Transform2D, source: GridGeometry, target: GridGeometry) -> NDArray[np.float64]:
-    """Return (6,) a such that the centre of cell (ix, iy) of `source` is at the real-valued column a0 + a1 ix + a2 iy and row
+    """Return (6,) a such that the center of cell (ix, iy) of `source` is at the real-valued column a0 + a1 ix + a2 iy and row
     a3 + a4 ix + a5 iy of `target`; `transform` maps coordinates of the source to those of the target.
     """
     c, s = math.cos(transform.yaw), math.sin(transform.yaw)

@@ -321,7 +321,7 @@ class VoxelLayer(ObstacleLayer):
         return ((~free & 0xFFFF) | marked | marked << LEVELS).astype(np.uint32)
 
     def clearing_ends(self) -> NDArray[np.float64]:
-        """Return where the rays of the last clearing observations end, (n, 3): centres of voxels."""
+        """Return where the rays of the last clearing observations end, (n, 3): centers of voxels."""
         ends: list[NDArray[np.float64]] = [np.empty((0, 3))]
         g, params = self.geometry, self.params
         for seen in (observation for buffer in self._clearing for observation in buffer.observations):

@@ -125,7 +125,7 @@ def combine_overwrite(master, layer, x0, y0, x1, y1):
 
 @kernel
 def look_up_map(master, costs, x0, y0, x1, y1, affine, maximum):
-    """Write the costs of another grid at each cell centre into the window; leave cells outside that grid unchanged.
+    """Write the costs of another grid at each cell center into the window; leave cells outside that grid unchanged.
 
     `affine` (6,): real-valued column = a0 + a1 * ix + a2 * iy and row = a3 + a4 * ix + a5 * iy of the other grid. With
     `maximum`, write the larger cost only.
@@ -145,7 +145,7 @@ def look_up_map(master, costs, x0, y0, x1, y1, affine, maximum):
 def look_up_rotated_map(master, costs, x0, y0, x1, y1, affine, maximum, beyond):
     """As `look_up_map`, but a cell is lethal if it overlaps any lethal cell of the other grid.
 
-    Cells whose centre is outside that grid get `beyond`, unless it is negative or `maximum` is set.
+    Cells whose center is outside that grid get `beyond`, unless it is negative or `maximum` is set.
     """
     ny, nx = costs.shape
     size = math.hypot(affine[1], affine[4])

@@ -343,7 +343,7 @@ def _failure(report: GoalReport, driven: float) -> str:
     if report.expired_limit_s is not None:
         text += f": time limit of {report.expired_limit_s:g} s exceeded"
     elif report.error_name == "CANCELED":
-        text += ": cancelled"
+        text += ": canceled"
     elif report.error_name == "REPLACED":
         text += ": replaced by another goal"
     elif report.error_code:

@@ -42,7 +42,7 @@ class Passage:
     y: float
     """y of the center."""
     ends: tuple[tuple[float, float], tuple[float, float]]
-    """Centres of the two obstacle cells on either side."""
+    """Centers of the two obstacle cells on either side."""
     width: float
     """Free width: distance between the ends minus one cell; accurate to one cell."""
     length: float

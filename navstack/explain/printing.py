@@ -175,10 +175,10 @@ def passage_counts(report: PassageReport) -> str:
 def print_passages(out: Console, report: PassageReport, name: str, *, only: int | None = None) -> None:
     """Print the passages of the map `name`, or only the one with this number (from 1)."""
     table = Table(title=f"passages of {escape(name)}", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    for heading in ("no.", "centre (m)", "width", "cost"):
+    for heading in ("no.", "center (m)", "width", "cost"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("rating", no_wrap=True)
-    table.add_column("centreline")
+    table.add_column("centerline")
     for number, passage in enumerate(report.passages, 1):
         if only is not None and number != only:
             continue
@@ -196,7 +196,7 @@ def print_passages(out: Console, report: PassageReport, name: str, *, only: int 
         _print_shapes(out, report, only)
     narrower = f"; {report.narrower} narrower (--narrowest 0 lists them)" if report.narrower else ""
     smaller = f" beside obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
-    by_costs = "by the costs on their centrelines: " if report.shapes is not None else ""
+    by_costs = "by the costs on their centerlines: " if report.shapes is not None else ""
     out.print(
         f"{by_costs}{passage_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m{smaller}{narrower}",
         soft_wrap=True,

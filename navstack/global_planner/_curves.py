@@ -55,7 +55,7 @@ def wrapped(angle):
 
 
 @plain_kernel
-def centred(angle):
+def centered(angle):
     """Return an angle in (-pi, pi]; within EPSILON of -pi it is pi."""
     turned = angle - TAU * math.floor(angle / TAU + 0.5)
     return turned + TAU if turned <= EPSILON - math.pi else turned
@@ -123,13 +123,13 @@ def dubins(x, y, phi, bound):
 @plain_kernel
 def tau_omega(u, v, xi, eta, phi):
     """Return the outer arcs of a word of four arcs, given its inner ones."""
-    delta = centred(u - v)
+    delta = centered(u - v)
     a = math.sin(u) - math.sin(delta)
     b = math.cos(u) - math.cos(delta) - 1.0
     t1 = math.atan2(eta * a - xi * b, xi * a + eta * b)
     t2 = 2.0 * (math.cos(delta) - math.cos(v) - math.cos(u)) + 3.0
-    tau = centred(t1 + math.pi) if t2 < 0.0 else centred(t1)
-    return tau, centred(tau - u + v - phi)
+    tau = centered(t1 + math.pi) if t2 < 0.0 else centered(t1)
+    return tau, centered(tau - u + v - phi)
 
 
 @plain_kernel
@@ -147,8 +147,8 @@ def reeds_shepp_base(family, x, y, phi, s, c, bound):
     if family == 0:
         if rho >= bound:
             return False, t, u, v
-        t, u = centred(math.atan2(eta, xi)), rho
-        v = centred(phi - t)
+        t, u = centered(math.atan2(eta, xi)), rho
+        v = centered(phi - t)
         return t >= -EPSILON and v >= -EPSILON, t, u, v
     if family == 1:
         if rho < 2.0 - EPSILON:
@@ -156,8 +156,8 @@ def reeds_shepp_base(family, x, y, phi, s, c, bound):
         u = math.sqrt(max(rho * rho - 4.0, 0.0))
         if u >= bound:
             return False, t, u, v
-        t = centred(math.atan2(eta, xi) + math.atan2(2.0, u))
-        v = centred(t - phi)
+        t = centered(math.atan2(eta, xi) + math.atan2(2.0, u))
+        v = centered(t - phi)
         return t >= -EPSILON and v >= -EPSILON, t, u, v
     if family == 2:
         if rho > 4.0 + EPSILON:
@@ -165,8 +165,8 @@ def reeds_shepp_base(family, x, y, phi, s, c, bound):
         u = -2.0 * math.asin(min(0.25 * rho, 1.0))
         if -u >= bound:
             return False, t, u, v
-        t = centred(math.atan2(eta, xi) + 0.5 * u + math.pi)
-        v = centred(phi - t + u)
+        t = centered(math.atan2(eta, xi) + 0.5 * u + math.pi)
+        v = centered(phi - t + u)
         return t >= -EPSILON, t, u, v
     if family == 3:
         ratio = 0.25 * (2.0 + rho)
@@ -193,21 +193,21 @@ def reeds_shepp_base(family, x, y, phi, s, c, bound):
         u = 2.0 - r
         if u > EPSILON or abs(u) + HALF_PI >= bound:
             return False, t, u, v
-        t = centred(math.atan2(eta, xi) + math.atan2(r, -2.0))
-        v = centred(phi - HALF_PI - t)
+        t = centered(math.atan2(eta, xi) + math.atan2(r, -2.0))
+        v = centered(phi - HALF_PI - t)
         return t >= -EPSILON and v <= EPSILON, t, u, v
     if family == 6:
         u = 2.0 - rho
         if u > EPSILON or abs(u) + HALF_PI >= bound:
             return False, t, u, v
-        t = centred(math.atan2(xi, -eta))
-        v = centred(t + HALF_PI - phi)
+        t = centered(math.atan2(xi, -eta))
+        v = centered(t + HALF_PI - phi)
         return t >= -EPSILON and v <= EPSILON, t, u, v
     u = 4.0 - math.sqrt(max(rho * rho - 4.0, 0.0))
     if u > EPSILON or abs(u) + math.pi >= bound:
         return False, t, u, v
-    t = centred(math.atan2((4.0 - u) * xi - 2.0 * eta, -2.0 * xi + (u - 4.0) * eta))
-    v = centred(t - phi)
+    t = centered(math.atan2((4.0 - u) * xi - 2.0 * eta, -2.0 * xi + (u - 4.0) * eta))
+    v = centered(t - phi)
     return t >= -EPSILON and v >= -EPSILON, t, u, v
 
 
@@ -381,7 +381,7 @@ class Curve:
     def poses(self, step: float) -> NDArray[np.float64]:
         """Return poses (n, 3) at most `step` (m) apart, the ends of all segments included; yaw in (-pi, pi]."""
         if not (step > 0.0 and math.isfinite(step)):
-            raise InputError(f"the step between the poses of a curve must be a positive length in metres, not {step}")
+            raise InputError(f"the step between the poses of a curve must be a positive length in meters, not {step}")
         counts = [max(1, math.ceil(abs(s.length) / step - 1e-9)) for s in self.segments]
         out = np.empty((1 + sum(counts), 3))
         out[0] = self.start
@@ -423,7 +423,7 @@ def curve_lengths(starts: ArrayLike, goals: ArrayLike, radius: ArrayLike, *, rev
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         raise InputError("the poses of a curve must be finite numbers: x, y (m) and yaw (rad)")
     if not (np.isfinite(radii).all() and (radii > 0.0).all()):
-        raise InputError(f"turning radii must be positive lengths in metres; the smallest is {radii.min()}")
+        raise InputError(f"turning radii must be positive lengths in meters; the smallest is {radii.min()}")
     out = np.empty(len(a))
     lengths_of_curves(np.ascontiguousarray(a), np.ascontiguousarray(b), radii, reverse, out)
     return out
@@ -436,7 +436,7 @@ def _curve(start: Pose2D, goal: Pose2D, radius: float, *, reverse: bool) -> Curv
                 f"the {name} {tuple(pose)} of a curve is not finite; give x, y (m) and yaw (rad)", pose=pose
             )
     if not (radius > 0.0 and math.isfinite(radius)):
-        raise InputError(f"the turning radius must be a positive length in metres, not {radius}", radius=radius)
+        raise InputError(f"the turning radius must be a positive length in meters, not {radius}", radius=radius)
     dx, dy = (goal.x - start.x) / radius, (goal.y - start.y) / radius
     c, s = math.cos(start.yaw), math.sin(start.yaw)
     count, kinds, lengths, _ = curve(c * dx + s * dy, c * dy - s * dx, goal.yaw - start.yaw, reverse, math.inf)

@@ -146,7 +146,7 @@ MOTION_MODELS: Final[tuple[MotionModel, ...]] = ("ackermann", "diff", "omni")
 
 @dataclass(frozen=True)
 class Primitive:
-    """A motion from the centre of a cell at one heading to the centre of another cell (or the same one) at another heading."""
+    """A motion from the center of a cell at one heading to the center of another cell (or the same one) at another heading."""
 
     start: int
     """Index of the heading at its start."""
@@ -169,14 +169,14 @@ class Primitive:
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Headings and primitives; what a primitive file contains. Lengths in metres, angles in radians."""
+    """Headings and primitives; what a primitive file contains. Lengths in meters, angles in radians."""
 
     motion_model: MotionModel
     turning_radius: float
     resolution: float
     """Side of a cell (m)."""
     headings: NDArray[np.float64]
-    """(n,) in [0, 2 pi), ascending, not evenly spaced: straight lines along them hit centres of cells."""
+    """(n,) in [0, 2 pi), ascending, not evenly spaced: straight lines along them hit centers of cells."""
     primitives: tuple[Primitive, ...]
     """Sorted by the heading at their start."""
     stopping_threshold: int | None = None

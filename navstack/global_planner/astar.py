@@ -1,4 +1,4 @@
-"""astar: the exact cheapest path over the 8 neighbours of each cell (P. Hart, N. Nilsson, B. Raphael, 1968)."""
+"""astar: the exact cheapest path over the 8 neighbors of each cell (P. Hart, N. Nilsson, B. Raphael, 1968)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ class AStarParams(CellPlannerParams):
 
 @GLOBAL_PLANNERS.register("astar")
 class AStarPlanner(CellPlanner):
-    """astar: the cheapest path over the 8 neighbours, exact up to rounding (heuristic: octile distance).
+    """astar: the cheapest path over the 8 neighbors, exact up to rounding (heuristic: octile distance).
 
     navfn's potential only approximates this path. Ties between cheapest paths go to the first one found: cells whose f
-    differs by less than half of `neutral_cost` are expanded last in, first out; neighbours are visited in the order E W N S
+    differs by less than half of `neutral_cost` are expanded last in, first out; neighbors are visited in the order E W N S
     NE NW SE SW; a cell keeps its predecessor unless another one is cheaper. With `heuristic_weight` w > 1 the cost is at
     most w times the optimum.
     """

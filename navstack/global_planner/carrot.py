@@ -44,8 +44,8 @@ class CarrotPlanner(GlobalPlanner):
 
     The plan consists of the start and that pose, whose heading is interpolated. The cells between them are not checked; that
     is left to the local planner. The robot fits if no cell under the border of its footprint is lethal or unknown and the
-    cell of its centre is not inscribed either; without a footprint only the cell of the centre is checked. `Plan.cost` is
-    the length in metres.
+    cell of its center is not inscribed either; without a footprint only the cell of the center is checked. `Plan.cost` is
+    the length in meters.
     """
 
     Params = CarrotPlannerParams
@@ -96,8 +96,8 @@ class CarrotPlanner(GlobalPlanner):
 
 
 def _fits(costmap: Costmap, pose: Pose2D, footprint: Footprint | None) -> bool:
-    centre = costmap.cost_at(pose.x, pose.y)
-    if centre is None or centre in (INSCRIBED, LETHAL, UNKNOWN):
+    center = costmap.cost_at(pose.x, pose.y)
+    if center is None or center in (INSCRIBED, LETHAL, UNKNOWN):
         return False
     if footprint is None:
         return True

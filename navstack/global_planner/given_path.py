@@ -94,7 +94,7 @@ class GivenPath(GlobalPlanner):
     Nothing is searched. The plan fails if the robot or the goal is not at the path, or if the footprint would hit an obstacle
     of the costmap on it. Where the path passes the robot's pose twice, as after a change of direction, the first pass counts:
     set planner_frequency to 0, so that the path is not begun again while the robot drives it. `Plan.cost` is the length in
-    metres.
+    meters.
     """
 
     Params: ClassVar[type[ParamModel]] = GivenPathParams

@@ -32,7 +32,7 @@ class GlobalPlannerParams(SearchParams):
     )
     old_navfn_behavior: bool = param(False, "start, goal and path points on cell corners, as in navfn")
     use_quadratic: bool = param(
-        True, "potential of a plane wave over two neighbours, instead of from the lowest neighbour"
+        True, "potential of a plane wave over two neighbors, instead of from the lowest neighbor"
     )
     use_dijkstra: bool = param(
         True,
@@ -79,7 +79,7 @@ class GlobalPlannerParams(SearchParams):
 class GlobalPlannerROS(SearchPlanner):
     """global_planner: a wave from the start (Dijkstra or A*, linear or quadratic), path by gradient or by grid.
 
-    As in GlobalPlanner, the potential is 0 at the start, whose cell counts as free; the path's points are cell centres, or
+    As in GlobalPlanner, the potential is 0 at the start, whose cell counts as free; the path's points are cell centers, or
     for gradient paths continuous from the exact start to the exact goal; headings are set by `orientation_mode`.
     `Plan.cost` is the potential at the end of the plan: `neutral_cost` per free cell, up to `lethal_cost` near obstacles.
 

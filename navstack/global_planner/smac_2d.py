@@ -93,10 +93,10 @@ class Smac2DParams(ParamModel):
 
 @GLOBAL_PLANNERS.register("smac_2d", aliases=("nav2_smac_planner/SmacPlanner2D", "smac_planner_2d"))
 class Smac2DPlanner(SearchPlanner):
-    """smac_2d: the cheapest path over the 8 neighbours, for YAML of Nav2's SmacPlanner2D.
+    """smac_2d: the cheapest path over the 8 neighbors, for YAML of Nav2's SmacPlanner2D.
 
     A step costs its length in cells times 1 + cost_travel_multiplier · c / 252, half in each of its cells. Otherwise as `astar`:
-    the path runs through the centres of cells and does not pass between two blocked ones; a smoother is a plugin of its own.
+    the path runs through the centers of cells and does not pass between two blocked ones; a smoother is a plugin of its own.
     """
 
     Params = Smac2DParams

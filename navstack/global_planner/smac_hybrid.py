@@ -40,7 +40,7 @@ class SmacHybridPlanner(PosePlanner):
 
     States are (cell, cell, heading) with the exact pose that reached them. Motions are arcs and straight lines as in Nav2; the
     headings are those of the start plus multiples of a bin, so plans begin at the start's and end at the goal's exact heading.
-    Curves to the goal (Dubins or Reeds-Shepp) compete with the rest of the search by their cost. `Plan.cost` is in metres of
+    Curves to the goal (Dubins or Reeds-Shepp) compete with the rest of the search by their cost. `Plan.cost` is in meters of
     free straight driving.
     """
 

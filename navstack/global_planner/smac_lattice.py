@@ -64,7 +64,7 @@ class SmacLatticePlanner(PosePlanner):
 
     Primitives are read from a file in Nav2's format, or generated. They start and end at the headings of the lattice; from the
     start's own heading, arcs lead onto the lattice, and curves (or lines, for an omnidirectional robot) lead to the exact goal.
-    Each primitive costs its mean over the cells on its way. `Plan.cost` is in metres of free straight driving.
+    Each primitive costs its mean over the cells on its way. `Plan.cost` is in meters of free straight driving.
     """
 
     Params = SmacLatticeParams

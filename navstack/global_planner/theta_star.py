@@ -15,7 +15,7 @@ class ThetaStarParams(CellPlannerParams):
 
 @GLOBAL_PLANNERS.register("theta_star")
 class ThetaStarPlanner(CellPlanner):
-    """theta_star: straight lines between cell centres, at any angle, where they are cheaper than steps from cell to cell.
+    """theta_star: straight lines between cell centers, at any angle, where they are cheaper than steps from cell to cell.
 
     A line is legal if no cell it touches is blocked (lethal, inscribed). As for the steps of astar, its cost in each cell is
     the length in it times the weight of the cell. Theta* alone is not exact: the path of astar is pulled tight first, and

@@ -140,7 +140,7 @@ class PotentialView:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The trajectories of the last control cycle as a page draws them: coloured by score, the rejected ones apart.
+# The trajectories of the last control cycle as a page draws them: colored by score, the rejected ones apart.
 
 
 POINTS: Final = 6
@@ -152,7 +152,7 @@ MAX_ROWS: Final = 500
 def trajectories_of(planner: LocalPlanner, frame: Frame) -> dict[str, Any] | None:
     """Returns the entry of the header: rows in the local costmap's frame; None for a planner without rollouts.
 
-    The blob `points` has (rows, POINTS, 2) i2: centimetres relative to `origin`; `scores` (rows,) f4, NaN for rejected rows;
+    The blob `points` has (rows, POINTS, 2) i2: centimeters relative to `origin`; `scores` (rows,) f4, NaN for rejected rows;
     `samples` (rows,) u2: the row's number in the table of the cycle.
     """
     details = planner.diagnostics()

@@ -232,7 +232,7 @@ class DWAParams(ParamModel):
     def _check_scoring_scale(self, context: CheckContext) -> Iterator[Issue]:
         resolution = context.local_costmap.resolution
         obstacle = self.occdist_scale * checks.INSCRIBED_COST
-        # the goal and goal_front critics both fall by a metre's worth
+        # the goal and goal_front critics both fall by a meter's worth
         noetic, indigo = (2.0 * self.goal_distance_bias, obstacle), (self.goal_distance_bias, obstacle * resolution)
         return checks.scoring_scale(
             context,

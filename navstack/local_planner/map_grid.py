@@ -1,7 +1,7 @@
 # pyright: basic
 """Distances over the local costmap (base_local_planner's MapGrid), and the base of the four critics that read them.
 
-A grid is stored flat with a border of obstacle cells, so that neighbours need no bounds checks. Values: 0 and more = steps
+A grid is stored flat with a border of obstacle cells, so that neighbors need no bounds checks. Values: 0 and more = steps
 to the target over 4-connected free cells, FREE_UNREACHED, BLOCKED (cost >= 253, or the border). One extra element at the
 end stays FREE_UNREACHED.
 
@@ -34,7 +34,7 @@ RosDistro = Literal["noetic", "indigo"]
 
 
 def distance_weight(bias: float, resolution: float, distro: RosDistro) -> float:
-    """Weight of a grid distance (cells): the bias per metre; half of that before 2018."""
+    """Weight of a grid distance (cells): the bias per meter; half of that before 2018."""
     return resolution * bias * (0.5 if distro == "indigo" else 1.0)
 
 
@@ -101,7 +101,7 @@ class MapGridCritic(Critic[P]):
             self._out = np.empty(len(rollouts.counts))
         cells = shared_cells(self.context, rollouts)
         if self._ahead is None:
-            return self.grid.at_centre(rollouts, cells, self._out)
+            return self.grid.at_center(rollouts, cells, self._out)
         return self.grid.at_nose(rollouts, cells, self._ahead, self._out)
 
     def grid_values(self) -> NDArray[np.float64] | None:
@@ -134,18 +134,18 @@ class MapGrid(DistanceGrid):
         whole_grid(self.grid, self.storage, out)
         return out
 
-    def at_centre(self, rollouts: Rollouts, cells: RolloutCells, out: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at_center(self, rollouts: Rollouts, cells: RolloutCells, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """(K,) value at each rollout's last point; -4 if a point is off the map, -3 in an obstacle, -2 unreachable.
 
         `out` (K,) is written where the rollout is alive, and returned.
         """
-        centre_scores(self.grid, self.storage, cells.padded, rollouts.counts, rollouts.alive, out)
+        center_scores(self.grid, self.storage, cells.padded, rollouts.counts, rollouts.alive, out)
         return out
 
     def at_nose(
         self, rollouts: Rollouts, cells: RolloutCells, ahead: float, out: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(K,) value `ahead` metres in front of each rollout's last point; -4 if this point is ever off the map."""
+        """(K,) value `ahead` meters in front of each rollout's last point; -4 if this point is ever off the map."""
         nose_scores(self.grid, self.storage, rollouts.poses, rollouts.counts, cells.boxes, rollouts.alive, ahead, out)
         return out
 
@@ -194,7 +194,7 @@ def shared_path_grid(context: ScoringContext, builder: MapGridBuilder) -> Distan
 def storage_size(nx, ny):
     """Elements of a grid's storage: state, distances, queue.
 
-    A cell is queued at most once by each of its neighbours. Cells that need not be queued are written to the next free
+    A cell is queued at most once by each of its neighbors. Cells that need not be queued are written to the next free
     position, where the next cell overwrites them.
     """
     cells = (nx + 2) * (ny + 2)
@@ -349,7 +349,7 @@ def expand(distances, queue, state, until, width):
 def expand_directed(distances, queue, state, until, width):
     """Expand a directed wavefront until it reaches the cell `until`, or completely.
 
-    A free neighbour in the direction of the target belongs to a path of the same length: it is the next cell, without the stack.
+    A free neighbor in the direction of the target belongs to a path of the same length: it is the next cell, without the stack.
     """
     half = len(queue) // 2
     base = half if state[SWAPPED] else 0
@@ -409,7 +409,7 @@ def grid_value(distances, queue, state, cell, width, size):
     """C++'s target_dist of a cell: its distance, `size` for an obstacle next to a reached cell, `size + 1` if unreachable."""
     blocked = distances[cell] == BLOCKED
     for side in range(5):
-        # C++ marks an obstacle when the wavefront reaches one of its neighbours
+        # C++ marks an obstacle when the wavefront reaches one of its neighbors
         near = cell
         if side == 1:
             near = cell - 1
@@ -443,7 +443,7 @@ def whole_grid(grid, storage, out):
 
 
 @plain_kernel
-def centre_scores(grid, storage, cells, counts, alive, out):
+def center_scores(grid, storage, cells, counts, alive, out):
     """Write the grid's value at the last point of each rollout that is alive to `out` (K,).
 
     `cells` (K, T): cells of the points in the padded grid. -4: a point off the map; -3: in an obstacle; -2: in a cell from
@@ -475,7 +475,7 @@ def centre_scores(grid, storage, cells, counts, alive, out):
 
 @plain_kernel
 def nose_scores(grid, storage, poses, counts, boxes, alive, ahead, out):
-    """Write the grid's value `ahead` metres in front of the last point of each rollout that is alive to `out` (K,).
+    """Write the grid's value `ahead` meters in front of the last point of each rollout that is alive to `out` (K,).
 
     -4: the nose is off the map at any point. Obstacles count as far away. `boxes` (K + 1, 4): see `point_cells`.
     """

@@ -47,7 +47,7 @@ class Overlap:
     def at(cls, context: ScoringContext) -> Overlap | None:
         """The overlap at the pose of `context`.
 
-        None if the footprint is free, or if there is no direction away: the robot's centre is in a lethal cell, or outside its
+        None if the footprint is free, or if there is no direction away: the robot's center is in a lethal cell, or outside its
         footprint.
         """
         costs = context.costmap.data
@@ -64,7 +64,7 @@ class Overlap:
         """A context in which these cells are passable. All other lethal cells remain."""
         costmap = self.context.costmap
         data = costmap.data.copy()
-        data[data == 253] = PASSABLE  # the robot's centre may be in one, and the distance grids must lead out of it
+        data[data == 253] = PASSABLE  # the robot's center may be in one, and the distance grids must lead out of it
         data[self.cells[:, 1], self.cells[:, 0]] = PASSABLE
         return replace(
             self.context,

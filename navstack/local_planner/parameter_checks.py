@@ -135,24 +135,24 @@ def scoring_scale(
     """Weights tuned before 2018 make obstacles 1 / (2 * resolution) times heavier than intended (parity 31).
 
     `horizon` is the length of the longest trajectory (m). `score` and `indigo_score` are, with the current scoring and with
-    that of indigo, the worth of a metre of progress and the cost of passing an obstacle at the inscribed radius. `factor`
+    that of indigo, the worth of a meter of progress and the cost of passing an obstacle at the inscribed radius. `factor`
     is the ratio of both scalings.
     """
-    metre, passing = score
-    if occdist_scale <= 0.0 or passing <= MAX_HORIZONS * metre * horizon:
+    meter, passing = score
+    if occdist_scale <= 0.0 or passing <= MAX_HORIZONS * meter * horizon:
         return
-    old_metre, old_passing = indigo_score
+    old_meter, old_passing = indigo_score
     factor = max(1.0, factor)
     fix = f"divide occdist_scale by {factor:g}"
-    if context.ros_distro != "indigo" and old_passing <= MAX_HORIZONS * old_metre * horizon:
+    if context.ros_distro != "indigo" and old_passing <= MAX_HORIZONS * old_meter * horizon:
         fix = (
-            f"these weights suit the scoring of before 2018 ({old_metre:g} per metre, {old_passing:.3g} per obstacle): set "
+            f"these weights suit the scoring of before 2018 ({old_meter:g} per meter, {old_passing:.3g} per obstacle): set "
             f"navstack/ros_distro to indigo (--distro indigo), or divide occdist_scale by {factor:g}"
         )
     message = (
         f"occdist_scale = {occdist_scale:g} makes obstacles outweigh progress, so the robot stops or turns in place where it "
         f"is narrow: with ros_distro {context.ros_distro}, passing an obstacle at the inscribed radius costs {passing:.3g}, "
-        f"while a metre of progress is worth {metre:g} (goal_distance_bias {goal_distance_bias:g}) and the whole horizon of "
-        f"{horizon:.2g} m {metre * horizon:.3g}; {fix}"
+        f"while a meter of progress is worth {meter:g} (goal_distance_bias {goal_distance_bias:g}) and the whole horizon of "
+        f"{horizon:.2g} m {meter * horizon:.3g}; {fix}"
     )
     yield Issue("warning", "scoring-scale", ("occdist_scale",), message)

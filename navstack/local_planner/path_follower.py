@@ -358,7 +358,7 @@ def arc_collision(costs, grid, vertices, unknown_blocks, interior, turns, start,
     speed, circumscribed radius. `limits` (3,): duration (s), distance from the start (m), 1 for the arc up to the end of the
     duration, or once around, 0 for Euler steps that end before it (Nav2), of which a slow robot makes none. A step is a cell
     along the path; with `turns`, no corner moves by more than a cell in it.
-    `interior`: cells inside the footprint count, and a centre outside the grid collides; otherwise the edges alone, and such a
+    `interior`: cells inside the footprint count, and a center outside the grid collides; otherwise the edges alone, and such a
     pose is free (Nav2). `out` (m, 3) receives the poses; the check ends when it is full.
     """
     ny, nx = costs.shape

@@ -414,7 +414,7 @@ def regulated_speed(
 
 
 def _obstacle(p: RegulatedPurePursuitParams, now: Following, *, as_nav2: bool) -> tuple[int, float]:
-    """Cost under the robot's centre, and the distance (m) to the obstacle behind it."""
+    """Cost under the robot's center, and the distance (m) to the obstacle behind it."""
     pose = now.state.pose
     cost = now.costmap.cost_at(pose.x, pose.y)
     if cost is None:
@@ -535,7 +535,7 @@ def nearest_free_heading(
     """Angle (rad) to the nearest other heading from which the arc to a carrot is free, None without one.
 
     The carrot is then at most `most` (rad) off the heading. The begin of the arc comes no nearer to an obstacle: the cost under
-    the robot's centre does not rise.
+    the robot's center does not rise.
     """
     cost_at, bearing = scene.costmap.cost_at, math.atan2(carrot[1], carrot[0])
     here = cost_at(scene.pose.x, scene.pose.y)

@@ -257,7 +257,7 @@ class Amcl(Localizer):
         self._updates = 0
 
     def _cell_origin(self) -> tuple[float, float]:
-        """Return the point (m) of the cell (0, 0): its centre, or its corner as in amcl."""
+        """Return the point (m) of the cell (0, 0): its center, or its corner as in amcl."""
         assert self._model is not None
         place = self._model.place
         shift_x, shift_y = place.shift_x, place.shift_y

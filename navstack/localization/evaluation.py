@@ -95,9 +95,9 @@ class Track:
         first = np.arange(max(count - 1, 0))
         return relative_errors(self.poses[self.known], self.references[self.known], first, first + 1)
 
-    def relative(self, metres: float) -> PoseErrors:
-        """Return the relative pose error over `metres` of the reference's path."""
-        pairs = pairs_by_distance(self.references[self.known], metres)
+    def relative(self, meters: float) -> PoseErrors:
+        """Return the relative pose error over `meters` of the reference's path."""
+        pairs = pairs_by_distance(self.references[self.known], meters)
         return relative_errors(self.poses[self.known], self.references[self.known], *pairs)
 
     def summary(self) -> dict[str, Any]:
@@ -225,7 +225,7 @@ class StartResult(NamedTuple):
     scans: int
     """Scans until the pose was found; of a start that failed: those it had."""
     seconds: float
-    metres: float
+    meters: float
     found: bool
     """A pose near the true one was certain."""
     wrong: int
@@ -256,14 +256,14 @@ class Starts:
         return share([result.outcome == "found" for result in self.results])
 
     def table(self) -> NDArray[np.float64]:
-        """Return (n, 3) scans, seconds and metres until the pose was found."""
-        rows = [(r.scans, r.seconds, r.metres) for r in self.results if r.found]
+        """Return (n, 3) scans, seconds and meters until the pose was found."""
+        rows = [(r.scans, r.seconds, r.meters) for r in self.results if r.found]
         return np.array(rows, np.float64).reshape(-1, 3)
 
     def summary(self) -> dict[str, Any]:
         """Return the results for JSON."""
         table, rate = self.table(), self.rate()
-        names = ("scans", "seconds", "metres")
+        names = ("scans", "seconds", "meters")
         document: dict[str, Any] = {
             "starts": len(self.results),
             **{outcome: len(self.of(outcome)) for outcome in ("found", "uncertain", "wrong")},
@@ -330,7 +330,7 @@ class _Start:
         self._localizer = localizer
         localizer.start_globally()
         self._scans = 0
-        self._metres = 0.0
+        self._meters = 0.0
         self._found: tuple[int, float, float, float] | None = None
         self._wrong, self._wrong_error = 0, math.nan
 
@@ -342,7 +342,7 @@ class _Start:
         """Process a scan."""
         self._scans += 1
         step = self._last.odometry.inverse() @ frame.odometry
-        self._metres += math.hypot(step.x, step.y)
+        self._meters += math.hypot(step.x, step.y)
         self._last = frame
         self._localizer.update(frame.odometry, frame.scan, frame.sensor)
         estimate = self._localizer.estimate
@@ -354,18 +354,18 @@ class _Start:
         if error > WRONG_M or turned > WRONG_RAD:
             self._wrong, self._wrong_error = self._wrong + 1, error
         elif self._found is None:
-            self._found = (self._scans, frame.scan.stamp - self._first.scan.stamp, self._metres, error)
+            self._found = (self._scans, frame.scan.stamp - self._first.scan.stamp, self._meters, error)
 
     def result(self) -> StartResult:
         """Return what has come of it."""
         duration = self._last.scan.stamp - self._first.scan.stamp
-        scans, seconds, metres, error = self._found or (self._scans, duration, self._metres, math.nan)
+        scans, seconds, meters, error = self._found or (self._scans, duration, self._meters, math.nan)
         reference = self._first.reference
         nan = math.nan
         pose = (nan, nan, nan) if reference is None else (reference.x, reference.y, reference.yaw)
         if self._wrong:
             error = self._wrong_error
-        return StartResult(self._first.index, pose, scans, seconds, metres, self._found is not None, self._wrong, error)
+        return StartResult(self._first.index, pose, scans, seconds, meters, self._found is not None, self._wrong, error)
 
 
 # --- hand-checked relations between poses of a log, and the errors of a trajectory by them ----------------------------

@@ -68,7 +68,7 @@ OCCUPIED = 100
 def squared_cells(grid: OccupancyGrid, max_distance: float) -> tuple[NDArray[np.int32], int]:
     """Return the squared distance in cells to the nearest occupied cell, (ny, nx), and the greatest one that is distinguished.
 
-    Exact, between centres of cells; unknown cells are no obstacles. Greater distances than `max_distance` (m) have any greater
+    Exact, between centers of cells; unknown cells are no obstacles. Greater distances than `max_distance` (m) have any greater
     value. Raises InputError unless `max_distance` is positive.
     """
     if not (math.isfinite(max_distance) and max_distance > 0.0):

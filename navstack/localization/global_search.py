@@ -191,7 +191,7 @@ def order_by_bound(bounds, lowest, budget):
 def search_blocks(padded, free, has_free, bounds, points, headings, settings):
     """Return (found (m, 4), expanded, complete): the best pose in each of the `keep` best bins, rows score, iy, ix, heading.
 
-    A bin is a block of positions and `sector` neighbouring headings. Blocks are searched in the order of their bounds until no
+    A bin is a block of positions and `sector` neighboring headings. Blocks are searched in the order of their bounds until no
     bound exceeds the score of the last bin that is kept, or until about `budget` blocks were searched (`complete` False).
     `settings` = [resolution, pad, keep, sector, budget, lowest].
     """
@@ -275,7 +275,7 @@ class MatchMap:
         """Pose of the grid frame in the map frame."""
         distance: Any = distance_transform_edt(~occupied)
         self.field: NDArray[np.float32] = np.minimum(distance * g.resolution, MAX_DISTANCE).astype(np.float32)
-        """(ny, nx) distance of each cell to the nearest obstacle, centre to centre (m), at most MAX_DISTANCE."""
+        """(ny, nx) distance of each cell to the nearest obstacle, center to center (m), at most MAX_DISTANCE."""
         self.reach = reach
         self._occupied = occupied
         self._factor = max(1, math.floor(search_resolution / g.resolution + 1e-6))
@@ -433,7 +433,7 @@ class SearchResult:
     """Poses found by a search, best first, in the grid frame."""
 
     poses: NDArray[np.float64]
-    """(n, 3) x, y (m), yaw (rad): centres of cells, multiples of the angular step."""
+    """(n, 3) x, y (m), yaw (rad): centers of cells, multiples of the angular step."""
     scores: NDArray[np.float64]
     """(n,) mean likelihood of the beams, 0 to 1."""
     blocks_searched: int

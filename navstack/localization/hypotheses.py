@@ -51,7 +51,7 @@ AGREE = np.dtype(
 
 @kernel
 def field_at(field, fx, fy):
-    """Return (d, dd/dx, dd/dy) of the field (ny, nx) at (fx, fy) (cells, centre of cell i at i + 0.5), bilinear.
+    """Return (d, dd/dx, dd/dy) of the field (ny, nx) at (fx, fy) (cells, center of cell i at i + 0.5), bilinear.
 
     Off the map, the value at the nearest border and no slope.
     """

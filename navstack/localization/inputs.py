@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from navstack.core import InputError, LaserScan, Pose2D, Transform2D
 
 FARTHEST_M: Final = 1e7
-"""Odometry beyond this (m) is not that of a robot on earth; and near it, float64 still resolves nanometres."""
+"""Odometry beyond this (m) is not that of a robot on earth; and near it, float64 still resolves nanometers."""
 
 
 class Rejection(NamedTuple):

@@ -81,11 +81,11 @@ def relation_errors(
     return _errors(moved, turned), moved, turned
 
 
-def pairs_by_distance(reference: Poses, metres: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return, for each row, the first later row after `metres` of the reference's path, for those that have one."""
+def pairs_by_distance(reference: Poses, meters: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return, for each row, the first later row after `meters` of the reference's path, for those that have one."""
     steps = np.hypot(*np.diff(reference[:, :2], axis=0).T)
     driven = np.concatenate(([0.0], np.cumsum(steps)))
-    second = np.searchsorted(driven, driven + metres)
+    second = np.searchsorted(driven, driven + meters)
     first = np.arange(len(reference))
     known = (second < len(reference)) & (second > first)
     return first[known], second[known]

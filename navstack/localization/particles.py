@@ -573,7 +573,7 @@ class ParticleSet:
         self._wrap()
 
     def draw_uniform(self, free: NDArray[np.int32], origin: tuple[float, float], cell: float) -> None:
-        """Draw all particles uniformly over the free cells (m, 2), of which (0, 0) is centred at `origin` (m)."""
+        """Draw all particles uniformly over the free cells (m, 2), of which (0, 0) is centered at `origin` (m)."""
         self._begin(len(self._poses))
         self._place(origin, cell)
         draw_uniform_set(free, self._settings, self.random, self.poses)
@@ -669,7 +669,7 @@ class ParticleSet:
             wrap_yaws(self.poses)
 
     def is_converged(self) -> bool:
-        """Return True if every particle is within half a metre of their mean, in x and in y."""
+        """Return True if every particle is within half a meter of their mean, in x and in y."""
         position = self.poses[:, :2]
         return bool((np.abs(position - position.mean(axis=0)) <= CONVERGED_M).all())
 

@@ -340,7 +340,7 @@ class MapPlace(NamedTuple):
 
 
 def place_of(grid: OccupancyGrid, half_cell: bool) -> MapPlace:
-    """Return the place of a map; with `half_cell` as in amcl, where cell (0, 0) is centred at the origin of the map."""
+    """Return the place of a map; with `half_cell` as in amcl, where cell (0, 0) is centered at the origin of the map."""
     g = grid.geometry
     if not half_cell:
         return MapPlace(g.origin_x, g.origin_y, g.resolution, 0.0, 0.0)
@@ -382,7 +382,7 @@ class SensorModel:
         return out
 
     def distances(self) -> NDArray[np.float32]:
-        """Return the distance field (ny, nx), metres."""
+        """Return the distance field (ny, nx), meters."""
         table = np.empty((self._squares.shape[0] + 2, self._squares.shape[1] + 2))
         _field_kernels.look_up(self._squares, self._distances, table)
         return table[1:-1, 1:-1].astype(np.float32)

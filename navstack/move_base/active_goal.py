@@ -115,7 +115,7 @@ class ActiveGoal:
         statistics = self.statistics
         match outcome:
             case Outcome.CANCELED:
-                return GoalCanceledError(f"the goal was cancelled after {self.age(now):.1f} s")
+                return GoalCanceledError(f"the goal was canceled after {self.age(now):.1f} s")
             case Outcome.NO_PLAN:
                 return statistics.last_planning or PlanningError("the global planner found no plan")
             case Outcome.NO_CONTROL:

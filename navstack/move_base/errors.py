@@ -13,7 +13,7 @@ class NoProgressError(ControlError):
 
 
 class GoalCanceledError(NavError):
-    """A client cancelled the goal."""
+    """A client canceled the goal."""
 
     code = 9011
     name = "CANCELED"

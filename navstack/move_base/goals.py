@@ -176,7 +176,7 @@ class Goal:
             )
         if not self.pose.is_finite():
             return InvalidGoalError(
-                f"the goal's position ({self.pose.x}, {self.pose.y}) is not finite; give metres in a frame",
+                f"the goal's position ({self.pose.x}, {self.pose.y}) is not finite; give meters in a frame",
                 pose=self.pose,
             )
         return None
@@ -345,14 +345,14 @@ class SimpleActionServer:
         self.current: GoalHandle | None = None
         self.next: GoalHandle | None = None
         self.preempt_requested = False
-        """True if the current goal must end: it was cancelled, or another goal is waiting."""
+        """True if the current goal must end: it was canceled, or another goal is waiting."""
         self.last_cancel = -float("inf")
         """Goals stamped up to this time (s) are recalled."""
         self.status_list_timeout_s = STATUS_LIST_TIMEOUT_S
         """Time (s) for which a goal remains on the status list after its end."""
         self._next_preempt_requested = False
         self._handles: dict[str, GoalHandle] = {}
-        self._cancelled_before_sent: dict[str, float] = {}
+        self._canceled_before_sent: dict[str, float] = {}
         self._listener = listener
 
     # --- state ---------------------------------------------------------------------------------------
@@ -381,7 +381,7 @@ class SimpleActionServer:
         """Submit a goal at `now` (s). It waits for `accept`, or is RECALLED at once.
 
         RECALLED are goals stamped up to the last cancel request, goals stamped before the current or the waiting goal, goals
-        that were cancelled before their arrival, and the waiting goal that this one replaces. For an id that is already on
+        that were canceled before their arrival, and the waiting goal that this one replaces. For an id that is already on
         the status list, the handle of that goal is returned.
         """
         self.prune(now)
@@ -392,7 +392,7 @@ class SimpleActionServer:
         self._handles[goal.id] = handle
         if self._listener is not None:
             self._listener(handle, now)
-        if self._cancelled_before_sent.pop(goal.id, None) is not None:
+        if self._canceled_before_sent.pop(goal.id, None) is not None:
             handle.change(ServerCall.SET_CANCEL_REQUESTED, now)
             self._recall(handle, now, "")
             return handle
@@ -430,7 +430,7 @@ class SimpleActionServer:
             elif handle is self.next:
                 self._next_preempt_requested = True
         if goal_id is not None and goal_id not in self._handles:
-            self._cancelled_before_sent[goal_id] = now
+            self._canceled_before_sent[goal_id] = now
         if stamp is not None:
             self.last_cancel = max(self.last_cancel, stamp)
         return selected
@@ -466,24 +466,24 @@ class SimpleActionServer:
     def set_preempted(
         self, now: float, text: str = "", result: GoalResult | None = None, error: NavError | None = None
     ) -> None:
-        """End the current goal: it was cancelled or replaced."""
+        """End the current goal: it was canceled or replaced."""
         handle = self.current
         if result is None and handle is not None:
             result = _result(
-                handle, GoalStatus.PREEMPTED, text, now, error or GoalCanceledError("the goal was cancelled")
+                handle, GoalStatus.PREEMPTED, text, now, error or GoalCanceledError("the goal was canceled")
             )
         self._end(ServerCall.SET_CANCELED, now, text, result)
 
     def prune(self, now: float) -> None:
         """Remove goals from the status list that ended more than `status_list_timeout_s` before `now` (s)."""
-        if len(self._handles) < 2 and not self._cancelled_before_sent:
+        if len(self._handles) < 2 and not self._canceled_before_sent:
             return
         old = now - self.status_list_timeout_s
         for handle in [h for h in self._handles.values() if h.ended_at is not None and h.ended_at < old]:
             if handle is not self.current:
                 del self._handles[handle.id]
-        for goal_id in [i for i, t in self._cancelled_before_sent.items() if t < old]:
-            del self._cancelled_before_sent[goal_id]
+        for goal_id in [i for i, t in self._canceled_before_sent.items() if t < old]:
+            del self._canceled_before_sent[goal_id]
 
     def _end(self, call: ServerCall, now: float, text: str, result: GoalResult | None) -> None:
         if self.current is None:
@@ -494,7 +494,7 @@ class SimpleActionServer:
         error: NavError = (
             GoalReplacedError("the goal was replaced by a new goal")
             if replaced
-            else GoalCanceledError("the goal was cancelled")
+            else GoalCanceledError("the goal was canceled")
         )
         handle.change(ServerCall.SET_CANCELED, now, text, _result(handle, GoalStatus.RECALLED, text, now, error))
 

@@ -134,7 +134,7 @@ class MotionRunner:
         handle, now = self.running, self._output.tick.time
         if handle is not None:
             age = now - handle.sent_at
-            self._end(handle, now, GoalCanceledError(f"{handle.motion.name} was cancelled after {age:.1f} s"))
+            self._end(handle, now, GoalCanceledError(f"{handle.motion.name} was canceled after {age:.1f} s"))
 
     def drive(self, twist: Twist2D) -> None:
         """Drive at a velocity that comes from outside (teleop) until the next command; a running motion is canceled.

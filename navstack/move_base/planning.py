@@ -441,7 +441,7 @@ def plan_without_driving(
     See `MoveBase.make_plan`. Raises InputError, FrameError and the planner's error for the goal itself.
     """
     if not math.isfinite(tolerance) or tolerance < 0.0:
-        raise InputError(f"tolerance must be a distance in metres (0 or more), not {tolerance}", tolerance=tolerance)
+        raise InputError(f"tolerance must be a distance in meters (0 or more), not {tolerance}", tolerance=tolerance)
     master = costmap.master
     robot: Pose2D | None = None
     try:

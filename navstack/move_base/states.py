@@ -88,7 +88,7 @@ class NavEvent(Enum):
     GOAL_REPLACED = "a new goal replaces the active goal"
     GOAL_INVALID = "the accepted goal has an invalid quaternion or position"
     FRAME_CHANGED = "the global costmap has another frame"
-    CANCELED = "the goal was cancelled"
+    CANCELED = "the goal was canceled"
     TIMED_OUT = "the goal's time limit has expired (an addition to ROS; no limit by default)"
     CYCLE = "control cycle with current sensor data"
     SENSORS_STALE = "control cycle with stale sensor data"

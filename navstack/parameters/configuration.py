@@ -179,7 +179,7 @@ def parse_footprint(value: Any) -> list[list[float]]:
             isinstance(n, (int, float)) and not isinstance(n, bool) for n in point
         )
         if not numbers or len(point) != 2:
-            raise ValueError(f"point {i + 1} of the footprint is {point!r}; write two numbers [x, y] in metres")
+            raise ValueError(f"point {i + 1} of the footprint is {point!r}; write two numbers [x, y] in meters")
         points.append([float(n) for n in point])
     return points
 
@@ -203,7 +203,7 @@ def footprint_of(costmap: Space, padding: float, findings: list[Finding]) -> Loa
     if isinstance(radius, bool) or not isinstance(radius, (int, float)) or radius < 0.0:
         return None  # reported with the costmap's other parameters
     if not radius > 0.0:
-        message = f"robot_radius = {radius:g} is not positive; set it to the robot's radius in metres"
+        message = f"robot_radius = {radius:g} is not positive; set it to the robot's radius in meters"
         findings.append(finding("error", "footprint", leaf.node.at, leaf.path, message))
         return None
     return _load(lambda p: Footprint.from_radius(float(radius), p), padding, leaf, findings)

@@ -177,16 +177,16 @@ def local_costmap_sees(configuration: Configuration) -> Iterator[Problem]:
 
 @rule("footprint-beside-center", "warning")
 def footprint_contains_center(configuration: Configuration) -> Iterator[Problem]:
-    """The footprint does not contain (0, 0), the robot's centre of rotation: its inscribed radius is the distance to
+    """The footprint does not contain (0, 0), the robot's center of rotation: its inscribed radius is the distance to
     an edge outside of it, and costs are meaningless. A typical cause is measuring the corners from a corner of the
     robot.
 
-    Fix: subtract the centre.
+    Fix: subtract the center.
     """
     for name, costmap in zip(COSTMAPS, (configuration.global_costmap, configuration.local_costmap)):
         if not costmap.footprint.contains_center:
             message = (
-                "the footprint does not contain the robot's centre (0, 0), so its inscribed radius and all inflated costs are "
+                "the footprint does not contain the robot's center (0, 0), so its inscribed radius and all inflated costs are "
                 "wrong; give the corners in the robot's base frame"
             )
             yield Problem((f"/{name}/footprint", "/footprint"), message)

@@ -157,8 +157,8 @@ document(
     "warning",
     """Passing an obstacle at the inscribed radius costs more than three whole horizons of progress are worth: the
     robot stops, turns in place or aborts ("Robot is oscillating") in narrow places. Example, the turtlebot's YAML
-    under noetic: a metre is worth 2 * 24 = 48, its horizon of 0.5 m 24, and passing an obstacle costs 0.5 * 252 =
-    126. The YAML was written for a scale of 24 per metre and 0.05 * 126 = 6.3 per obstacle. Under the noetic stack
+    under noetic: a meter is worth 2 * 24 = 48, its horizon of 0.5 m 24, and passing an obstacle costs 0.5 * 252 =
+    126. The YAML was written for a scale of 24 per meter and 0.05 * 126 = 6.3 per obstacle. Under the noetic stack
     it fails at 8 of 18 office goals; with occdist_scale divided by 10 it reaches all of them.
 
     Fix: `navstack: {ros_distro: indigo}` (`--distro indigo`), or divide occdist_scale by 1 / (2 * resolution) (1 /
@@ -251,7 +251,7 @@ document(
     "inflation-under-radius",
     "warning",
     """Cells outside the inflation radius have no cost, independent of the shape of the robot. Below the circumscribed
-    radius (the distance of the farthest corner from the centre), plans pass where corners collide during a
+    radius (the distance of the farthest corner from the center), plans pass where corners collide during a
     rotation, and the local planner then rejects every sample. Below the inscribed radius, plans cut through the
     edges of walls. A published jackal of 0.41 m uses 0.3 m.
 
@@ -275,7 +275,7 @@ document(
     "inflation-not-last",
     "warning",
     """Layers write in the order of `plugins`. Obstacles marked by a layer after the inflation layer are not inflated:
-    the robot's centre may pass directly beside them.
+    the robot's center may pass directly beside them.
 
     Fix: list the inflation layer last.
     """,

@@ -166,7 +166,7 @@ def assumed_lidar(configuration: Configuration) -> Iterator[Problem]:
             continue
         message = (
             f"the lidar on {lidar.topic} is simulated with a field of view of {lidar.fov:g} rad, ranges from {lidar.range_min:g} "
-            f"to {lidar.range_max:g} m, {lidar.x:g} m ahead of the centre, {lidar.height:g} m high; set fov, range_max "
+            f"to {lidar.range_max:g} m, {lidar.x:g} m ahead of the center, {lidar.height:g} m high; set fov, range_max "
             f"and x of the real one: `navstack: {{sim: {{{name}: {{fov: .., range_max: ..}}}}}}`"
         )
         yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)

@@ -35,7 +35,7 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None
 def is_certain(name: str, found: str, known: Iterable[str]) -> bool:
     """Return True if the known name `found` is clearly nearer to a misspelt one than all others in `known`.
 
-    Nearer: by one edit (a letter more, less, exchanged or swapped with its neighbour), by half as many again from two edits on.
+    Nearer: by one edit (a letter more, less, exchanged or swapped with its neighbor), by half as many again from two edits on.
     """
     edits = _edits(name, found, _MOST_EDITS)
     limit = edits + max(1, (edits + 1) // 2) - 1

@@ -39,7 +39,7 @@ ModelSource = Callable[[], type[ParamModel]]
 
 
 @dataclass(slots=True)
-class Catalogue:
+class Catalog:
     """Known namespaces and parameters."""
 
     planners: dict[str, ModelSource] = field(default_factory=dict[str, ModelSource])
@@ -68,38 +68,38 @@ class Catalogue:
             places.append(namespace)
 
 
-def catalogue_of(binder: Binder) -> Catalogue:
+def catalog_of(binder: Binder) -> Catalog:
     """Return the parameters of all registered plugins and of the namespaces that were read."""
-    catalogue = Catalogue()
-    catalogue.add("move_base", MoveBaseParams)
+    catalog = Catalog()
+    catalog.add("move_base", MoveBaseParams)
     for name in COSTMAPS:
-        catalogue.add(name, CostmapParams)
+        catalog.add(name, CostmapParams)
     for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS, SMOOTHERS):
         for name, aliases in registry.names():
             names = _names_of(registry, name)
             namespaces = own_namespaces(name, aliases)
             for namespace in dict.fromkeys([*namespaces, *names.namespaces.split()]):
-                catalogue.planners[namespace] = partial(_model_of, registry, name)
-            catalogue.add_plugin(namespaces[0], names)
+                catalog.planners[namespace] = partial(_model_of, registry, name)
+            catalog.add_plugin(namespaces[0], names)
     for name, _ in LAYERS.names():
         for usual in layer_names(name):
-            catalogue.layers.setdefault(usual, []).append(partial(_model_of, LAYERS, name))
-        catalogue.add_plugin(layer_names(name)[0], _names_of(LAYERS, name))
+            catalog.layers.setdefault(usual, []).append(partial(_model_of, LAYERS, name))
+        catalog.add_plugin(layer_names(name)[0], _names_of(LAYERS, name))
     for name, _ in RECOVERY_BEHAVIORS.names():
         names = _names_of(RECOVERY_BEHAVIORS, name)
-        catalogue.recovery_names.update(names.values.split(), names.others.split())
-        catalogue.add_plugin(name, names)
-    catalogue.add("navstack", NavstackParams)
-    catalogue.add("navstack/sim", SimParams)
-    catalogue.add("navstack/sim/wheels", WheelParams)
-    catalogue.add("navstack/motion", MotionParams)
+        catalog.recovery_names.update(names.values.split(), names.others.split())
+        catalog.add_plugin(name, names)
+    catalog.add("navstack", NavstackParams)
+    catalog.add("navstack/sim", SimParams)
+    catalog.add("navstack/sim/wheels", WheelParams)
+    catalog.add("navstack/motion", MotionParams)
     for name in NODE_SECTIONS:
         if any(space.path == name for space, _ in binder.bound):
-            catalogue.add(name, node_model(name))
+            catalog.add(name, node_model(name))
     for space, model in binder.bound:
         if space.parent is not None and space.children:
-            catalogue.add(space.name, model)
-    return catalogue
+            catalog.add(space.name, model)
+    return catalog
 
 
 def _model_of(registry: Registry[Any], name: str) -> type[ParamModel]:
@@ -152,9 +152,9 @@ class _UnusedCheck:
         self._guesses = MAX_GUESSES
 
     @cached_property
-    def catalogue(self) -> Catalogue:
+    def catalog(self) -> Catalog:
         """The parameters of all registered plugins: importing them takes time, so only if something is unused."""
-        return catalogue_of(self._binder)
+        return catalog_of(self._binder)
 
     def run(self) -> list[Finding]:
         self._visit(self.root)
@@ -213,10 +213,10 @@ class _UnusedCheck:
             return
         if leaf.value is None and not models:
             return
-        if leaf.value is None and not space.path and (name in self.catalogue.planners or name in FOREIGN_PLANNERS):
+        if leaf.value is None and not space.path and (name in self.catalog.planners or name in FOREIGN_PLANNERS):
             return  # an empty namespace
         close = self._nearest(name, [n for m in models for n in iter_names(m)])
-        elsewhere = [p for p in self.catalogue.home.get(name, []) if p != where]
+        elsewhere = [p for p in self.catalog.home.get(name, []) if p != where]
         far_off = all(self._distance(space, p) > _FAR for p in elsewhere)
         if elsewhere and not (far_off and close is not None) and self._elsewhere(space, leaf, elsewhere):
             return
@@ -253,9 +253,9 @@ class _UnusedCheck:
             message = f"{name} is a parameter of {package}, not of {where}, and has no effect; remove it"
             self._add("warning", "unknown", leaf, message)
             return
-        far = self._nearest(name, self.catalogue.home, cutoff=0.86)
+        far = self._nearest(name, self.catalog.home, cutoff=0.86)
         if far is not None:
-            meant = f"{self._likely(self.catalogue.home[far])[0]}/{far}"
+            meant = f"{self._likely(self.catalog.home[far])[0]}/{far}"
             message = f"{name} is not a parameter of {where} and has no effect; did you mean {meant}?"
             self._add("warning", "unknown", leaf, message, meant)
             return
@@ -272,7 +272,7 @@ class _UnusedCheck:
         places = self._likely(places)
         near = sorted(places, key=lambda p: (self._distance(space, p), places.index(p)))
         first = near[0]
-        if space.name in COSTMAPS and first in self.catalogue.layers and space.space(first) is None:
+        if space.name in COSTMAPS and first in self.catalog.layers and space.space(first) is None:
             readers = [c.name for c in space.children.values() if isinstance(c, Space) and self._reads(c, name)]
             if not readers:
                 message = f"{name} of {where} has no effect because none of its layers reads it; remove it"
@@ -311,7 +311,7 @@ class _UnusedCheck:
     def _likely(self, places: Sequence[str]) -> list[str]:
         """The namespaces in use, otherwise those that exist in ROS, otherwise all."""
         in_use = [p for p in places if any(p == path.rpartition("/")[2] for path in self.models) or p == "move_base"]
-        known = [p for p in places if p in FOREIGN_PLANNERS or p in self.catalogue.layers or p in COSTMAPS]
+        known = [p for p in places if p in FOREIGN_PLANNERS or p in self.catalog.layers or p in COSTMAPS]
         return in_use or known or list(places)
 
     def _reads(self, space: Space, name: str) -> bool:
@@ -321,7 +321,7 @@ class _UnusedCheck:
     def _distance(self, space: Space, place: str) -> int:
         """How far a parameter is from the namespace `place`: 0 above it, 1 below it, 2 beside it, 3 farther."""
         parent = space.parent
-        if place in space.children or (space.name in COSTMAPS and place in self.catalogue.layers):
+        if place in space.children or (space.name in COSTMAPS and place in self.catalog.layers):
             return 0
         if parent is not None and place in (parent.name or "move_base", "move_base"):
             return 1
@@ -345,7 +345,7 @@ class _UnusedCheck:
     def _unlisted(self, parent: Space, space: Space) -> bool:
         """Report the namespace of a layer or an observation source that its list does not contain."""
         name = space.name
-        layers = self.catalogue.layers.get(name)
+        layers = self.catalog.layers.get(name)
         if layers is not None and parent.name in COSTMAPS:
             message = f"{name} has no effect because the plugins of {parent.name} do not list it; list it or remove it"
             self._add("warning", "layer-not-listed", space, message)
@@ -363,7 +363,7 @@ class _UnusedCheck:
         known: dict[str, ModelSource | None] = dict.fromkeys(last for above, _, last in below if above == parent.path)
         if not parent.path:
             known |= dict.fromkeys((*COSTMAPS, "navstack", *FOREIGN_PLANNERS))
-            known |= self.catalogue.planners
+            known |= self.catalog.planners
         close = self._nearest(name, known, cutoff=0.7)
         if close is None or close == name:
             return False
@@ -380,7 +380,7 @@ class _UnusedCheck:
     def _foreign_namespace(self, parent: Space, space: Space) -> None:
         name = space.name
         leaves = list(space.leaves())
-        if not parent.path and all(leaf.name in self.catalogue.recovery_names for leaf in leaves):
+        if not parent.path and all(leaf.name in self.catalog.recovery_names for leaf in leaves):
             message = f"{name} has no effect because recovery_behaviors does not list it; list it or remove it"
             self._add("warning", "recovery-not-listed", space, message)
             return

@@ -69,7 +69,7 @@ def _draw_curve(axes: Any, curve: InflationCurve, color: str, reach: float) -> N
     axes.set_xlim(0.0, reach)
     axes.set_ylim(-6.0, 268.0)
     axes.set_yticks([0, 50, 100, 126, 150, 200, 253])
-    axes.set_xlabel("distance to the nearest obstacle cell, centre to centre (m)")
+    axes.set_xlabel("distance to the nearest obstacle cell, center to center (m)")
     axes.set_ylabel("cost")
     axes.axhspan(253.0, 268.0, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.35, lw=0)
     axes.axvspan(0.0, curve.inscribed_radius, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.16, lw=0)

@@ -234,8 +234,8 @@ def plot_starts(
         table = starts.table()
         subtitle = f"{len(starts.results)} starts, {len(starts.of('found'))} found"
         if len(table):
-            scans, seconds, metres = np.median(table, axis=0).tolist()
-            subtitle += f"   median {scans:.0f} scans, {seconds:.1f} s, {metres:.1f} m"
+            scans, seconds, meters = np.median(table, axis=0).tolist()
+            subtitle += f"   median {scans:.0f} scans, {seconds:.1f} s, {meters:.1f} m"
         picture = Picture(area, title=title, subtitle=subtitle, ax=ax, managed=path is None)
         drawing.draw_occupancy(picture.axes, grid, area=picture.area)
         entries = [_draw_reference(picture.axes, driven), *occupancy_legend()]

@@ -66,9 +66,9 @@ class CellProvenance:
     ix: int
     iy: int
     x: float
-    """x of the cell's centre (m), in the costmap's frame."""
+    """x of the cell's center (m), in the costmap's frame."""
     y: float
-    """y of the cell's centre (m)."""
+    """y of the cell's center (m)."""
     cost: int
     """Cost in the master grid."""
     set_by: str | None

@@ -25,14 +25,14 @@ class DistanceGrid(Protocol):
         """(ny, nx) steps to the target; nx*ny in obstacles next to reached cells, nx*ny + 1 where unreachable."""
         ...
 
-    def at_centre(self, rollouts: Rollouts, cells: RolloutCells, out: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at_center(self, rollouts: Rollouts, cells: RolloutCells, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """(K,) value at the last point; -4 off the map, -3 in an obstacle, -2 unreachable at any point."""
         ...
 
     def at_nose(
         self, rollouts: Rollouts, cells: RolloutCells, ahead: float, out: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(K,) value `ahead` metres in front of the last point; -4 if this point is ever off the map."""
+        """(K,) value `ahead` meters in front of the last point; -4 if this point is ever off the map."""
         ...
 
 

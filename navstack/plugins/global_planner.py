@@ -91,6 +91,6 @@ class Smoother(ABC, Generic[P]):
     def smooth(self, path: Path, costmap: Costmap, *, footprint: Footprint | None = None) -> Path:
         """Return a smoother path with the same ends, in the frame of the costmap; `path` and `costmap` are unchanged.
 
-        No pose of the result is in collision (cost 253 or 254 at its centre, or `footprint` over a lethal cell) unless the path
+        No pose of the result is in collision (cost 253 or 254 at its center, or `footprint` over a lethal cell) unless the path
         was there already. A path that cannot be smoothed is returned as it is. Raises InputError for a path that is not finite.
         """

@@ -346,7 +346,7 @@ class ScanBuffer:
 
 
 def scan_arrays(buffers: list[ScanBuffer], samples: NDArray[Any]) -> dict[str, NDArray[Any] | Streamed]:
-    """The table of scans and their ranges, to the millimetre.
+    """The table of scans and their ranges, to the millimeter.
 
     Scans without a pose get it by linear interpolation between the poses of the control cycles `samples`.
     """

@@ -7,7 +7,7 @@ A zip archive of `.npy` arrays and two JSON texts. numpy opens it without navsta
     events = pandas.read_json(io.BytesIO(run["events.jsonl"]), lines=True)
     meta = json.loads(run["meta.json"])
 
-Metres, radians counter-clockwise, seconds of the run's clock. There is no wall clock in the file: the same run gives the
+Meters, radians counter-clockwise, seconds of the run's clock. There is no wall clock in the file: the same run gives the
 same file byte for byte. "map" below is the global frame, "odom" the local frame, "base" the robot's frame (their names:
 `meta["frames"]`). Rows are ordered by time. Little endian.
 
@@ -85,7 +85,7 @@ Plain arrays:
     local_plan_rejected_by   (n,) i1        column of the critic that rejected it, -1 valid, -2 no trajectory
     local_plan_scales        (m, c) f4      weights of the critics, a row per row of `local_plans`
     local_plan_poses         (n, 3) f4      the selected trajectory, in the local costmap's frame
-    scan_ranges              (n,) f4 m      to the millimetre; inf without a hit, NaN invalid
+    scan_ranges              (n,) f4 m      to the millimeter; inf without a hit, NaN invalid
     costmaps/<n>_cells       (n,) u1        costs
     particles                (n, 4) f4      x, y, yaw, map, and weight: at most 200 possible poses of an estimate; absent without
                                             a localizer

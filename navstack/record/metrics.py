@@ -50,7 +50,7 @@ class RunMetrics:
     jerk_rms_m_s3: float
     """Root mean square of the second difference of the velocity (a vector in the map) divided by the time squared."""
     curvature_mean_1_m: float
-    """Angle turned per metre driven, while moving."""
+    """Angle turned per meter driven, while moving."""
     turned_rad: float
     """Sum of all rotation, in place and while moving."""
     turning_s: float

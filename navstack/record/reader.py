@@ -62,7 +62,7 @@ class RecordedScan:
 
     t: float
     scan: LaserScan
-    """Ranges to the millimetre."""
+    """Ranges to the millimeter."""
     pose: Pose2D
     mounting: Transform2D = Transform2D()
     """Pose of the lidar in the base frame."""
@@ -83,7 +83,7 @@ class RecordedScan:
 
 
 class Record:
-    """A recorded run. Metres, radians, seconds of the run's clock; "at t" means the last entry not later than t."""
+    """A recorded run. Meters, radians, seconds of the run's clock; "at t" means the last entry not later than t."""
 
     def __init__(
         self,

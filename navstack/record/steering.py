@@ -15,7 +15,7 @@ from navstack.parameters import SimParams
 
 @dataclass(frozen=True, slots=True)
 class SteeredBase:
-    """A base with a steering angle, whose frame is at the centre of its rear axle."""
+    """A base with a steering angle, whose frame is at the center of its rear axle."""
 
     kinematics: str
     """`ackermann` or `tricycle`."""

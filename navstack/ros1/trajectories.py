@@ -83,11 +83,11 @@ class TrajectoryPublisher:
         if self._file is not None:
             return self._file
         if self._shape == "figure_eight":
-            centre = EIGHT_CENTERS[self._sent % len(EIGHT_CENTERS)]
-            made = figure_eight(3.0, 2.0, 10.0, centre=centre, plane="xy" if self._plane == "xy" else "yz", dt=self._dt)
+            center = EIGHT_CENTERS[self._sent % len(EIGHT_CENTERS)]
+            made = figure_eight(3.0, 2.0, 10.0, center=center, plane="xy" if self._plane == "xy" else "yz", dt=self._dt)
             return made if self._ends else without(made, [made.duration])
         if self._shape == "heart":
-            made = heart(1.0, 10.0, centre=HEART_CENTER, dt=self._dt)
+            made = heart(1.0, 10.0, center=HEART_CENTER, dt=self._dt)
             return made if self._ends else without(made, [made.duration])
         return self._poly_path()
 

@@ -475,10 +475,10 @@ class PolygonSource(Source):
 
 
 class CostmapSource(Source):
-    """Centres of the cells of a costmap with at least `cost_threshold`."""
+    """Centers of the cells of a costmap with at least `cost_threshold`."""
 
     def read(self, data: Observation) -> NDArray[np.float64] | None:
-        """Return the centres of the occupied cells."""
+        """Return the centers of the occupied cells."""
         if not isinstance(data, CostmapObservation):
             return None
         cells, g = data.costmap.data, data.costmap.geometry

@@ -211,7 +211,7 @@ class Shape:
 
     @property
     def area(self) -> float:
-        """Square metres."""
+        """Square meters."""
         return shapely.Polygon(self.corners).area if len(self.corners) else math.pi * self.radius**2
 
     def outline(self) -> NDArray[np.float64]:

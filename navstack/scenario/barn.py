@@ -1,4 +1,4 @@
-"""The BARN worlds: fields of cylinders to cross, ten metres from start to goal.
+"""The BARN worlds: fields of cylinders to cross, ten meters from start to goal.
 
 Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020. `navstack.studies.barn` scores runs in them.
 """
@@ -115,7 +115,7 @@ def barn_scenarios(directory: Path | None) -> list[ScenarioSpec]:
 def load_worlds(file: Path) -> list[BarnWorld]:
     """Reads the worlds of a `worlds.npz` of at most 100 MB. Raises InputError.
 
-    Its arrays: `world` (n,) numbers; `cyl_xy` (m, 2) centres of the cylinders of all worlds in the coordinates of the files
+    Its arrays: `world` (n,) numbers; `cyl_xy` (m, 2) centers of the cylinders of all worlds in the coordinates of the files
     (m); `cyl_offset` (n + 1,) index of each world's first cylinder; `cyl_radius` (m); `optimal_length_m` (n,).
     """
     if not is_file(file):
@@ -165,9 +165,9 @@ def _worlds(
     radius = float(cyl_radius.reshape(()))
     if radius <= 0.0 or (optimal_length_m <= 0.0).any():
         raise ValueError("radius and lengths must be positive")
-    centres = cyl_xy - ORIGIN
+    centers = cyl_xy - ORIGIN
     return [
-        BarnWorld(int(number), np.column_stack((centres[a:b], np.full(b - a, radius))), float(length))
+        BarnWorld(int(number), np.column_stack((centers[a:b], np.full(b - a, radius))), float(length))
         for number, length, (a, b) in zip(
             world, optimal_length_m, pairwise(cyl_offset.astype(int).tolist()), strict=True
         )

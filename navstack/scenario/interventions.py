@@ -93,7 +93,7 @@ class Interventions:
                 self._goals.waiting.clear()
                 for sent in self._goals.under_way:
                     sent.cancel(self._move_base)
-                self._note("cancelled the goal")
+                self._note("canceled the goal")
             case PutShape():
                 self._put(item.shape)
             case RemoveShape():

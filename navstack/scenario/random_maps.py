@@ -69,7 +69,7 @@ def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: floa
         else:
             walls[rows.stop : rows.stop + WALL, cols] = False
 
-    def neighbours(i: int, j: int) -> list[tuple[int, int]]:
+    def neighbors(i: int, j: int) -> list[tuple[int, int]]:
         around = ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1))
         return [(k, m) for k, m in around if 0 <= k < columns and 0 <= m < lines]
 
@@ -79,7 +79,7 @@ def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: floa
     stack = [(0, 0)]
     seen = {(0, 0)}
     while stack:
-        choices = [cell for cell in neighbours(*stack[-1]) if cell not in seen]
+        choices = [cell for cell in neighbors(*stack[-1]) if cell not in seen]
         if not choices:
             stack.pop()
             continue
@@ -89,7 +89,7 @@ def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: floa
         stack.append(chosen)
     for i in range(columns):
         for j in range(lines):
-            for other in neighbours(i, j):
+            for other in neighbors(i, j):
                 if other > (i, j) and rng.random() < loops:
                     open_between((i, j), other)
     return _grid(walls)
@@ -98,7 +98,7 @@ def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: floa
 def discs(
     rng: np.random.Generator, width_m: float, height_m: float, per_m2: float, radius_m: tuple[float, float]
 ) -> OccupancyGrid:
-    """Scatters `per_m2` discs per square metre; their radii (m) are drawn from `radius_m`."""
+    """Scatters `per_m2` discs per square meter; their radii (m) are drawn from `radius_m`."""
     walls = _empty(width_m, height_m)
     ny, nx = walls.shape
     x = (np.arange(nx) + 0.5) * RESOLUTION
@@ -113,7 +113,7 @@ def caves(rng: np.random.Generator, width_m: float, height_m: float, fill: float
     """Runs the cellular automaton of the BARN worlds on squares of 0.15 m.
 
     Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020: cells are filled with probability
-    `fill`; in each round a cell with at least five filled neighbours is filled, one with fewer than two is cleared.
+    `fill`; in each round a cell with at least five filled neighbors is filled, one with fewer than two is cleared.
     """
     coarse = 3
     shape = (math.ceil(height_m / RESOLUTION / coarse), math.ceil(width_m / RESOLUTION / coarse))
@@ -157,12 +157,12 @@ class FreeSpace:
 
         self._geometry = grid.geometry
         resolution = grid.geometry.resolution
-        # distances are between centres: half a cell's diagonal is subtracted to be safe
+        # distances are between centers: half a cell's diagonal is subtracted to be safe
         cells: Any = ndimage.distance_transform_edt(grid.data < OCCUPIED)
         distance = cells * resolution - 0.71 * resolution
         free = (distance >= clearance_m) & (grid.data == 0)
-        labelled: Any = ndimage.label(free, np.ones((3, 3)))
-        labels, count = labelled
+        labeled: Any = ndimage.label(free, np.ones((3, 3)))
+        labels, count = labeled
         sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
         self._regions: list[NDArray[np.int64]] = []
         """Cells (n, 2) ix, iy of each region, the largest region first."""

@@ -82,7 +82,7 @@ def _footprint(rng: np.random.Generator) -> tuple[dict[str, Any], float]:
         points = [[ahead + a, b], [ahead - a, b], [ahead - a, -b], [ahead + a, -b]]
     else:
         turns = np.sort(rng.uniform(0.0, 2.0 * math.pi, 7)) + np.arange(7) * 1e-3
-        # spread over the full circle, so that the centre is inside
+        # spread over the full circle, so that the center is inside
         turns = 0.3 * turns + 0.7 * np.arange(7) * (2.0 * math.pi / 7)
         points = [[r * math.cos(t), r * math.sin(t)] for t, r in zip(turns, rng.uniform(0.12, 0.28, 7), strict=True)]
     points = [[round(x, 3), round(y, 3)] for x, y in points]

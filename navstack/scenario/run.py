@@ -384,7 +384,7 @@ def run_scenario(
 
     `record=False` computes the same metrics without keeping a record, for large numbers of runs; `scans=False` keeps no
     scans in it; `spool` is the folder in which it grows instead of in memory. `timings` adds the wall times of both planners.
-    `stop` is called before every cycle; when it returns True, the goal is cancelled and the run ends with a complete record.
+    `stop` is called before every cycle; when it returns True, the goal is canceled and the run ends with a complete record.
 
     Raises InputError or PlanningError if the robot cannot start.
     """

@@ -72,7 +72,7 @@ class Scenario:
     ] = 0
     time_limit_s: Annotated[
         float,
-        described("simulated time allowed per goal; the goal is then cancelled", unit="s", gt=0.0, le=1e6),
+        described("simulated time allowed per goal; the goal is then canceled", unit="s", gt=0.0, le=1e6),
         Field(strict=True, allow_inf_nan=False),
     ] = 600.0
     pause_s: Annotated[

@@ -266,7 +266,7 @@ def collision_at_start(
 
 
 def _occupied_cell(footprint: Footprint, start: Pose2D, grid: OccupancyGrid) -> tuple[float, float] | None:
-    """Returns the centre (m, map) of an occupied cell that the footprint overlaps."""
+    """Returns the center (m, map) of an occupied cell that the footprint overlaps."""
     geometry = grid.geometry
     c, s = math.cos(grid.origin_yaw), math.sin(grid.origin_yaw)
     dx, dy = start.x - geometry.origin_x, start.y - geometry.origin_y

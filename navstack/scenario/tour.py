@@ -82,7 +82,7 @@ def drive_tour(
 ) -> TourResult:
     """Drives to the scenario's goals; `names` are the names of their places. `stop` is called before every cycle.
 
-    When `stop` returns True, the current goal is cancelled, the robot stops and the record is complete.
+    When `stop` returns True, the current goal is canceled, the robot stops and the record is complete.
     """
     wall_start = time.perf_counter()
     run = Run(scenario)

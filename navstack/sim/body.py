@@ -42,7 +42,7 @@ BODY: Final = np.dtype(
         ("radius_errors", "f8", (4,)),  # relative errors of the true radii
         ("max_rim_speed", "f8"),  # m/s; inf: unlimited
         ("max_rim_change", "f8"),  # maximum change of a rim's velocity per step, m/s; inf: unlimited
-        ("metres_per_tick", "f8"),  # of the encoders; 0: continuous
+        ("meters_per_tick", "f8"),  # of the encoders; 0: continuous
         ("integration", "i8"),  # of the odometry: RK2, EXACT or EULER
     ],
     align=True,
@@ -111,7 +111,7 @@ def _wheel_values(params: SimParams, dt: float) -> dict[str, Any]:
         "radius_errors": errors,
         "max_rim_speed": math.inf if p.max_speed is None else p.max_speed * p.radius,
         "max_rim_change": math.inf if p.max_acceleration is None else p.max_acceleration * p.radius * dt,
-        "metres_per_tick": p.metres_per_tick,
+        "meters_per_tick": p.meters_per_tick,
         "integration": INTEGRATIONS[p.integration] if drive is not None else INTEGRATIONS["rk2"],
     }
 
@@ -269,9 +269,9 @@ def counted_motion(state, body, moved, turned):
             + turned * body.to_wheels[3 * i + 2] * state.wz
         )
         state.way[i] += way
-        if body.metres_per_tick > 0.0:
-            ticks = math.floor(state.way[i] / body.metres_per_tick)
-            way = (ticks - state.ticks[i]) * body.metres_per_tick
+        if body.meters_per_tick > 0.0:
+            ticks = math.floor(state.way[i] / body.meters_per_tick)
+            way = (ticks - state.ticks[i]) * body.meters_per_tick
             state.ticks[i] = ticks
         ox += body.from_wheels[i] * way
         oy += body.from_wheels[4 + i] * way
@@ -410,7 +410,7 @@ def separate_overlapping(state, body, footprint, solids, chosen, count, placed):
 
 @kernel
 def approaches(state, solids, chosen, first, last, dx, dy):
-    """True if the displacement moves the robot's centre towards one of the solids `chosen[first:last]`."""
+    """True if the displacement moves the robot's center towards one of the solids `chosen[first:last]`."""
     for k in range(first, last):
         now = distance_to_solid(solids, chosen[k], state.x, state.y)
         if distance_to_solid(solids, chosen[k], state.x + dx, state.y + dy) < now - TANGENT:
@@ -472,7 +472,7 @@ def drive(states, settings, footprint, steps, noise, squares, grid, discs, circl
 
     `states` (1,) of type `STATE`, with the command in it, is updated. `settings` (1,) of type `BODY`, `footprint` (n, 2) its
     outline (m). `noise` (steps or 0, 8): relative errors of the true motion vx, vy, wz and of the odometry's against the
-    wheels', then the drift of both headings per square root of a metre (rad). `squares` (4, ny, nx), `grid` [origin x, origin
+    wheels', then the drift of both headings per square root of a meter (rad). `squares` (4, ny, nx), `grid` [origin x, origin
     y, origin yaw, resolution]: the map; `discs` .. `first`: the solids, as in `SolidGeometry` (numba unboxes single arrays
     faster than a NamedTuple). `samples` (>= steps, SAMPLE_SIZE) receives the state after each step.
     """

@@ -30,7 +30,7 @@ class Bumper:
         bearing = np.arctan2(self._outline[:, 1], self._outline[:, 0])
         # (zones, points) which points of the outline belong to each zone
         self._zones = [np.mod(bearing - zone[0], 2.0 * math.pi) < zone[1] - zone[0] for zone in params.zones]
-        self._centres = [_nearest_bearing(bearing, 0.5 * (zone[0] + zone[1])) for zone in params.zones]
+        self._centers = [_nearest_bearing(bearing, 0.5 * (zone[0] + zone[1])) for zone in params.zones]
         self._last: tuple[Pose2D, Solids] | None = None
         self._points = _NOTHING
 
@@ -56,14 +56,14 @@ class Bumper:
             np.column_stack((base.x + c * x - s * y, base.y + s * x + c * y)), PRESS_DISTANCE, solids
         )
         points: list[tuple[float, float, float]] = []
-        for zone, centre_point in zip(self._zones, self._centres, strict=True):
+        for zone, center_point in zip(self._zones, self._centers, strict=True):
             pressed_points = np.nonzero(zone & pressed)[0]
             if not len(pressed_points):
                 continue
-            at = centre_point
+            at = center_point
             if self.params.point == "contact":
-                centre = self._outline[pressed_points].mean(axis=0)
-                at = int(pressed_points[np.argmin(((self._outline[pressed_points] - centre) ** 2).sum(axis=1))])
+                center = self._outline[pressed_points].mean(axis=0)
+                at = int(pressed_points[np.argmin(((self._outline[pressed_points] - center) ** 2).sum(axis=1))])
             px, py = (self._outline[at] + self.params.distance * self._outward[at]).tolist()
             points.append((px, py, self.params.height))
         return np.array(points, np.float32).reshape(-1, 3)

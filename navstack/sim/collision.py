@@ -27,7 +27,7 @@ class Collision:
     index: int
     """Index of the cell (iy * nx + ix), of the disc or of the polygon."""
     at: tuple[float, float]
-    """Centre of the obstacle in the map (m)."""
+    """Center of the obstacle in the map (m)."""
     name: str = ""
     """Name of the shape, if it has one."""
 
@@ -169,7 +169,7 @@ def clearance(squares, grid, discs, circles, corners, first, footprint, x, y, ya
         placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
         radius = max(radius, math.hypot(placed[i, 0] - gx, placed[i, 1] - gy))
     best = math.inf
-    # rings of cells around the centre's cell, outwards, until none can be nearer
+    # rings of cells around the center's cell, outwards, until none can be nearer
     ix, iy = math.floor(gx), math.floor(gy)
     farthest = max(max(abs(ix), abs(nx - 1 - ix)), max(abs(iy), abs(ny - 1 - iy)))
     ring = 0

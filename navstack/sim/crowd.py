@@ -32,7 +32,7 @@ WALLS_REACH = 0.2  # m
 SIGHT = math.cos(math.radians(100.0))
 BEHIND = 0.5
 HURRY = 1.3
-# radius of the pedestrians in the model, m: its distances are between the centres of two of them
+# radius of the pedestrians in the model, m: its distances are between the centers of two of them
 BODY = 0.25
 # beyond these distances (m) the force is below 0.03 m/s²
 WALLS_SEEN = 1.5
@@ -208,10 +208,10 @@ def add_obstacle_forces(x, y, squares, grid, solids, ax, ay):
     nearest, nearest_x, nearest_y = away, wx, wy
     for j in range(solids.discs.shape[0]):
         rx, ry = x - solids.discs[j, 0], y - solids.discs[j, 1]
-        centre = math.hypot(rx, ry)
-        away = centre - solids.discs[j, 2]
-        if away < WALLS_SEEN and centre > 0.0:
-            wx, wy = x - rx / centre * away, y - ry / centre * away
+        center = math.hypot(rx, ry)
+        away = center - solids.discs[j, 2]
+        if away < WALLS_SEEN and center > 0.0:
+            wx, wy = x - rx / center * away, y - ry / center * away
             fx, fy = push_from_wall(away, wx, wy, x, y)
             ax, ay = ax + fx, ay + fy
             if away < nearest:

@@ -106,7 +106,7 @@ def see_edge(ranges, beams, ax, ay, bx, by, angle_min, angle_increment):
     if area < 0.0:
         ax, ay, bx, by, area = bx, by, ax, ay, -area
     elif area == 0.0:
-        return  # parallel to the beam: the neighbouring edges share its ends
+        return  # parallel to the beam: the neighboring edges share its ends
     begin = math.atan2(ay, ax)
     span = math.atan2(area, ax * bx + ay * by)
     for turn in range(-1, 2):
@@ -125,12 +125,12 @@ def see_edge(ranges, beams, ax, ay, bx, by, angle_min, angle_increment):
 def see_disc(ranges, beams, cx, cy, r, d2, angle_min, angle_increment):
     """Shortens the `ranges` (n,) of the beams that hit the disc at (cx, cy) in the sensor's frame (m); d2: squared distance."""
     n = beams.shape[0]
-    centre = math.atan2(cy, cx)
+    center = math.atan2(cy, cx)
     half = math.asin(r / math.sqrt(d2))
     # only the beams between the two tangents
     for turn in range(-1, 2):
-        begin = (centre - half + 2.0 * math.pi * turn - angle_min) / angle_increment
-        end = (centre + half + 2.0 * math.pi * turn - angle_min) / angle_increment
+        begin = (center - half + 2.0 * math.pi * turn - angle_min) / angle_increment
+        end = (center + half + 2.0 * math.pi * turn - angle_min) / angle_increment
         if end < 0.0 or begin > n - 1:
             continue
         for i in range(max(0, math.floor(begin)), min(n - 1, math.ceil(end)) + 1):

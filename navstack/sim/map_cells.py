@@ -35,7 +35,7 @@ def free_squares(occupied):
                 if occupied[iy, ix]:
                     squares[q, iy, ix] = 0
                     continue
-                # one more than the smallest of the three neighbouring squares in the quadrant
+                # one more than the smallest of the three neighboring squares in the quadrant
                 side = 0
                 if i > 0 and j > 0:
                     side = min(squares[q, iy, ix + sx], squares[q, iy + sy, ix])
@@ -119,11 +119,11 @@ def polygon_on_cells(squares, polygon, cx, cy, radius):
     """Index iy * nx + ix of an occupied cell that the polygon (n, 2) intersects, -1 if there is none. Exact.
 
     (cx, cy) and `radius` are a bounding circle of the polygon. A polygon intersects a square if one of its edges does, or if
-    it contains the square's centre.
+    it contains the square's center.
     """
     _, ny, nx = squares.shape
     n = polygon.shape[0]
-    # early exit: the free square at the centre often covers the bounding circle
+    # early exit: the free square at the center often covers the bounding circle
     ix, iy = math.floor(cx), math.floor(cy)
     if 0 <= ix < nx and 0 <= iy < ny and free_around(squares, ix, iy) >= radius:
         return -1

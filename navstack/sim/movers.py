@@ -23,7 +23,7 @@ from navstack.sim.solids import Solids, pack_outlines, place_polygons
 
 @kernel
 def find_on_track(corners, corner_at, low, high, at):
-    """Position x, y (m) after `at` metres of the round trip with corners `low` .. `high`, and the direction of the leg."""
+    """Position x, y (m) after `at` meters of the round trip with corners `low` .. `high`, and the direction of the leg."""
     # binary search for the leg: corner_at[low] <= at < corner_at[high]
     while high - low > 1:
         middle = (low + high) // 2
@@ -167,7 +167,7 @@ class TimedShapes:
         self._turns = bool(self._along.any()) or bool(self._offset[:, :2].any())
         outlines = [np.array(shape.outline(), np.float64) for shape in on_track]
         outlines += [moved.outline for moved in self._singly]
-        self._outlines, self._first, self._centres = pack_outlines(outlines)
+        self._outlines, self._first, self._centers = pack_outlines(outlines)
         self._tops = np.array([shape.top for shape in (*self.discs, *self.polygons)], np.float64)
 
     def __len__(self) -> int:
@@ -182,7 +182,7 @@ class TimedShapes:
             discs = poses[:count].copy()
             discs[:, 2] = [shape.radius for shape in self.discs]
         poses = np.concatenate((poses[count:], np.array([moved.pose(time) for moved in self._singly]).reshape(-1, 3)))
-        corners, circles = place_polygons(self._outlines, self._first, self._centres, poses)
+        corners, circles = place_polygons(self._outlines, self._first, self._centers, poses)
         return Solids(discs, circles, corners, self._first, self._tops)
 
     def _poses_on_tracks(self, time: float) -> NDArray[np.float64]:

@@ -132,7 +132,7 @@ class SimulatedRobot:
     Time advances in whole physics steps; no clock is read.
 
     A collision stops the robot, wheels included, where it was last free (to within 5 mm); a round robot (`from_radius`) can
-    still turn. An obstacle that moves over the robot stops it in place; then the robot can turn, and drive where its centre
+    still turn. An obstacle that moves over the robot stops it in place; then the robot can turn, and drive where its center
     does not approach that obstacle. A run is a pure function of the parameters, the world, the start, the seed and the commands.
     """
 

@@ -43,7 +43,7 @@ class OnTrack(ParamModel):
     heading: Literal["fixed", "along"] = param(
         "fixed", "fixed: constant yaw; along: faces the direction of motion (and turns instantly at corners)"
     )
-    spin: float = param(0.0, "additional rotation about its own centre", unit="rad/s")
+    spin: float = param(0.0, "additional rotation about its own center", unit="rad/s")
 
     @field_validator("points")
     @classmethod

@@ -165,22 +165,22 @@ def polygon_to_polygon(one, other):
 
 
 @kernel
-def place_polygons(outlines, first, centres, poses):
+def place_polygons(outlines, first, centers, poses):
     """Corners (m, 2) and bounding circles (p, 3) x, y, radius, in the map (m), of p polygons at `poses` (p, 3).
 
-    `outlines` (m, 2): corners in the polygons' own frames, those of polygon k at `first[k]` .. `first[k + 1] - 1`; `centres`
+    `outlines` (m, 2): corners in the polygons' own frames, those of polygon k at `first[k]` .. `first[k + 1] - 1`; `centers`
     (p, 3): a bounding circle of each in its own frame.
     """
     corners = np.empty_like(outlines)
-    circles = np.empty_like(centres)
-    for k in range(centres.shape[0]):
+    circles = np.empty_like(centers)
+    for k in range(centers.shape[0]):
         c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
         for i in range(first[k], first[k + 1]):
             corners[i, 0] = poses[k, 0] + c * outlines[i, 0] - s * outlines[i, 1]
             corners[i, 1] = poses[k, 1] + s * outlines[i, 0] + c * outlines[i, 1]
-        circles[k, 0] = poses[k, 0] + c * centres[k, 0] - s * centres[k, 1]
-        circles[k, 1] = poses[k, 1] + s * centres[k, 0] + c * centres[k, 1]
-        circles[k, 2] = centres[k, 2]
+        circles[k, 0] = poses[k, 0] + c * centers[k, 0] - s * centers[k, 1]
+        circles[k, 1] = poses[k, 1] + s * centers[k, 0] + c * centers[k, 1]
+        circles[k, 2] = centers[k, 2]
     return corners, circles
 
 
@@ -191,7 +191,7 @@ def pack_outlines(
     first = np.cumsum([0, *(len(outline) for outline in outlines)], dtype=np.int64)
     circles = np.empty((len(outlines), 3))
     for k, outline in enumerate(outlines):
-        centre = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+        center = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
         # margin for the rounding of the corners when the polygon is placed
-        circles[k] = *centre, float(np.hypot(*(outline - centre).T).max()) * (1.0 + 1e-9) + 1e-9
+        circles[k] = *center, float(np.hypot(*(outline - center).T).max()) * (1.0 + 1e-9) + 1e-9
     return np.concatenate([np.empty((0, 2)), *outlines]), first, circles

@@ -197,7 +197,7 @@ class World:
         return found | (inside & (self.squares[0, iy, ix] == 0)).any(axis=1)
 
     def identify(self, hit: int, solids: Solids) -> tuple[str, int, float, float]:
-        """Decodes a result of `find_collision`: kind, index and centre x, y (m) of the obstacle.
+        """Decodes a result of `find_collision`: kind, index and center x, y (m) of the obstacle.
 
         ("map", iy * nx + ix, x, y), ("disc", index, x, y) or ("polygon", index, x, y).
         """
@@ -248,9 +248,9 @@ def _static_solids(shapes: Sequence[Shape]) -> Solids:
     """Returns shapes at their poses."""
     discs = [(*shape.pose[:2], shape.radius) for shape in shapes if shape.radius is not None]
     polygons = [shape for shape in shapes if shape.radius is None]
-    outlines, first, centres = pack_outlines([np.array(shape.outline(), np.float64) for shape in polygons])
+    outlines, first, centers = pack_outlines([np.array(shape.outline(), np.float64) for shape in polygons])
     poses = np.array([shape.pose for shape in polygons], np.float64).reshape(-1, 3)
-    corners, circles = place_polygons(outlines, first, centres, poses)
+    corners, circles = place_polygons(outlines, first, centers, poses)
     tops = [shape.top for shape in (*(s for s in shapes if s.radius is not None), *polygons)]
     return Solids(np.array(discs, np.float64).reshape(-1, 3), circles, corners, first, np.array(tops, np.float64))
 
@@ -265,12 +265,12 @@ def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> ND
         array = np.array(discs, np.float64).reshape(len(discs), 3)
     except (ValueError, TypeError) as exc:
         raise InputError(
-            "an obstacle is not a row of three numbers; give x, y, radius in metres", obstacles=list(discs)
+            "an obstacle is not a row of three numbers; give x, y, radius in meters", obstacles=list(discs)
         ) from exc
     for x, y, r in array:
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(r) and r > 0.0):
             raise InputError(
-                f"the obstacle {x:g},{y:g},{r:g} is invalid; give finite x and y and a radius above 0, in metres",
+                f"the obstacle {x:g},{y:g},{r:g} is invalid; give finite x and y and a radius above 0, in meters",
                 obstacle=[float(x), float(y), float(r)],
             )
     return array

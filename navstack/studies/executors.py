@@ -309,7 +309,7 @@ class DaskExecutor:
         if future.status == "finished":
             return JobResult.from_line(future.result())
         error = future.exception()
-        message = f"{type(error).__name__}: {error}" if error is not None else "the cluster cancelled the job"
+        message = f"{type(error).__name__}: {error}" if error is not None else "the cluster canceled the job"
         return JobResult(job, error={"code": 9099, "name": "WORKER_DIED", "message": message})
 
     def close(self) -> None:

@@ -54,7 +54,7 @@ def ascii_map(text: str, origin: tuple[float, float] = (-1.0, 2.0)) -> Costmap:
 
 
 def pose_in(costmap: Costmap, ix: int, iy: int, yaw: float = 0.0) -> Pose2D:
-    """The centre of a cell."""
+    """The center of a cell."""
     x, y = costmap.geometry.cell_to_world(ix, iy)
     return Pose2D(float(x), float(y), yaw)
 

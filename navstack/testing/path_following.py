@@ -37,7 +37,7 @@ class GoalCheckerContract(_SectionContract):
 
     @staticmethod
     def approach(pose: Pose2D, goal: Pose2D, velocity: Twist2D = Twist2D(), loop_m: float = 0.0) -> Approach:
-        """On a straight path to the goal, along x; `loop_m` more metres of it are left."""
+        """On a straight path to the goal, along x; `loop_m` more meters of it are left."""
         path = straight_path(Pose2D(goal.x - 1.0, goal.y), goal).poses
         return Approach(pose, goal, velocity, path, pose.distance_to(goal) + loop_m)
 
@@ -51,7 +51,7 @@ class GoalCheckerContract(_SectionContract):
         assert self.settle(self.make(), self.approach(goal, goal))
 
     def test_a_far_robot_has_not(self) -> None:
-        """Three metres away, for any heading and cycle."""
+        """Three meters away, for any heading and cycle."""
         checker: GoalChecker = self.make()
         goal = Pose2D(3.0, 0.0, 0.0)
         assert not self.settle(checker, self.approach(Pose2D(0.0, 0.0), goal))

@@ -80,7 +80,7 @@ def test_perfect_motion_stays_on_the_curve(curve: str, base: dict[str, Any], rat
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("curve", CURVES)
-def test_slip_and_noise_cost_centimetres_in_the_map(curve: str, seed: int) -> None:
+def test_slip_and_noise_cost_centimeters_in_the_map(curve: str, seed: int) -> None:
     """5 % slip and odometry noise per second of driving, headings that wander by 0.02 rad/√m: 1 cm in the mean, 5 cm at most."""
     motion = FollowTrajectory(CURVES[curve], params(), here=True)
     stage = Stage(motion, seed=seed, **NOISY)

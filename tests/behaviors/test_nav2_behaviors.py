@@ -30,7 +30,7 @@ class Stage:
         self.recovery = cls("it", cls.Params(**params))
 
     def wall(self, along: float, start: Pose2D = START, side: float = 0.0) -> None:
-        """Add a lethal cell `along` metres in front of the start, behind it if negative."""
+        """Add a lethal cell `along` meters in front of the start, behind it if negative."""
         x = start.x + along * math.cos(start.yaw) - side * math.sin(start.yaw)
         y = start.y + along * math.sin(start.yaw) + side * math.cos(start.yaw)
         cell = self.local.master.geometry.world_to_cell(x, y)
@@ -211,7 +211,7 @@ def test_wait_lasts_its_duration() -> None:
 
 
 @pytest.mark.parametrize("cls", [BackUp, DriveOnHeading, Spin, Wait])
-def test_cancelled_at_any_cycle_it_stops_within_one(cls: type[Behavior]) -> None:
+def test_canceled_at_any_cycle_it_stops_within_one(cls: type[Behavior]) -> None:
     for k in range(0, 12, 2):
         params = {"wait_duration": 5.0} if cls is Wait else {}
         bench = Bench(planner=StraightPlanner(occupied), recoveries=[cls("it", cls.Params(**params))])

@@ -86,9 +86,9 @@ def test_poly_path_takes_velocities_at_both_ends_and_a_speed_per_edge() -> None:
 # --- closed curves ----------------------------------------------------------------------------------------------------
 
 CURVES = {
-    "heart": lambda dt: heart(1.3, 12.0, centre=(8.0, 0.0, 2.0), dt=dt),
-    "figure_eight": lambda dt: figure_eight(3.0, 2.0, 10.0, centre=(4.0, 0.0, 2.0), dt=dt),
-    "figure_eight_yz": lambda dt: figure_eight(3.0, 2.0, 10.0, centre=(4.0, 0.0, 2.0), plane="yz", dt=dt),
+    "heart": lambda dt: heart(1.3, 12.0, center=(8.0, 0.0, 2.0), dt=dt),
+    "figure_eight": lambda dt: figure_eight(3.0, 2.0, 10.0, center=(4.0, 0.0, 2.0), dt=dt),
+    "figure_eight_yz": lambda dt: figure_eight(3.0, 2.0, 10.0, center=(4.0, 0.0, 2.0), plane="yz", dt=dt),
 }
 
 
@@ -111,8 +111,8 @@ def test_velocities_and_accelerations_are_the_finite_differences(name: str) -> N
 def test_figure_eight_and_heart_are_the_formulas_of_the_tutorial() -> None:
     w = 2.0 * math.pi / 10.0
     eight, it = (
-        figure_eight(3.0, 2.0, 10.0, centre=(4.0, 0.0, 2.0), plane="yz"),
-        heart(1.0, 10.0, centre=(8.0, 0.0, 2.0)),
+        figure_eight(3.0, 2.0, 10.0, center=(4.0, 0.0, 2.0), plane="yz"),
+        heart(1.0, 10.0, center=(8.0, 0.0, 2.0)),
     )
     t = eight.t
     assert eight.position == pytest.approx(

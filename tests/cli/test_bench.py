@@ -196,7 +196,7 @@ def test_an_unreadable_map_in_a_folder_is_reported_and_skipped(navstack, tmp_pat
     (folder / "absent.yaml").unlink()
     assert navstack(*command, "--out", "out")["unreadable"] == []
     Image.new("L", (40, 40), 253).save(folder / "d" / "open.png")
-    assert navstack(*command, "--out", "out", "--resume")["unreadable"] == []  # the same cells from another grey value
+    assert navstack(*command, "--out", "out", "--resume")["unreadable"] == []  # the same cells from another gray value
     Image.new("L", (40, 41), 254).save(folder / "d" / "open.png")
     document = navstack(*command, "--out", "out", "--resume", code=2)
     assert "maps.open was " in document["error"]["message"]
@@ -206,7 +206,7 @@ def test_an_unreadable_map_in_a_folder_is_reported_and_skipped(navstack, tmp_pat
 
 
 def write_scenario(file: Path, name: str = "trip", goal: str = "[4.0, 7.45, 0.0]") -> Path:
-    """Writes a scenario of three metres along the corridor of the packaged office."""
+    """Writes a scenario of three meters along the corridor of the packaged office."""
     file.write_text(f"name: {name}\nmap: office\nstart: [1.0, 7.45, 0.0]\ngoals: [{goal}]\ntime_limit: 60\n")
     return file
 

@@ -82,7 +82,7 @@ def test_scenario(recorded: Path, tmp_path: Path, capfd: pytest.CaptureFixture[s
         (["replay", "RUN", "--topic", "scan=/x"], "has no topic /x; its topics are"),
         (
             ["replay", "RUN", "--mount", "laser=1,2"],
-            '--mount "1,2" has 2 numbers; give x,y,z,yaw in metres and radians',
+            '--mount "1,2" has 2 numbers; give x,y,z,yaw in meters and radians',
         ),
         (["replay", "RUN", "--goal", "soon:1,2"], '"soon" is not a number'),
         (["replay", "RUN", "--from", "5", "--to", "4"], "--from 5 is not before --to 4"),

@@ -296,7 +296,7 @@ def test_the_map_as_text(turned: float) -> None:
     data[0, :] = -1  # unknown below
     grid = OccupancyGrid(data, GridGeometry(10, 10, 1.0, 0.0, 0.0), turned)
     lines = map_lines(
-        grid, Pose2D(5.0, 5.0, np.pi / 2), columns=10, rows=5, metres=1.0, trail=[(2.5, 5.0)], seen=[(7.5, 5.0)]
+        grid, Pose2D(5.0, 5.0, np.pi / 2), columns=10, rows=5, meters=1.0, trail=[(2.5, 5.0)], seen=[(7.5, 5.0)]
     )
     assert lines == [
         "█         ",
@@ -305,4 +305,4 @@ def test_the_map_as_text(turned: float) -> None:
         "█         ",
         "█         ",
     ]
-    assert map_lines(grid, Pose2D(5.0, -8.0), columns=4, rows=3, metres=1.0) == ["░░░░", "░░→░", "░░░░"]
+    assert map_lines(grid, Pose2D(5.0, -8.0), columns=4, rows=3, meters=1.0) == ["░░░░", "░░→░", "░░░░"]

@@ -302,7 +302,7 @@ def test_the_error_names_the_gap_that_is_too_narrow(planner: tuple[str, dict[str
     assert blockage["kind"] == "too narrow"
     assert blockage["gap_m"] == pytest.approx(
         RESOLUTION
-    )  # two cells between the centres of the walls, less half a cell each
+    )  # two cells between the centers of the walls, less half a cell each
     assert (blockage["x"], blockage["y"]) == pytest.approx(costmap.geometry.cell_to_world(5, 2))
 
 

@@ -250,7 +250,7 @@ def test_stops_at_speed_limits_of_zero(name: str) -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 0.25])
 def test_a_straight_corridor_gives_a_straight_path(name: str, heading: float) -> None:
-    """Between two walls the robot is within a cell of the plan after half a metre and rarely changes its turning direction."""
+    """Between two walls the robot is within a cell of the plan after half a meter and rarely changes its turning direction."""
     walls = tuple((x, y) for y in (-0.525, 0.525) for x in np.arange(-1.0, 4.0, 0.04))
     goal = Pose2D(2.4, 0.0, 0.0)
     planner = make(name, controller_frequency=10.0)

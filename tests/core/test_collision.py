@@ -54,7 +54,7 @@ def test_edge_costs_match_cpp(file: object) -> None:
     st.floats(-10.0, 10.0),
     st.integers(0, 2**32 - 1),
 )
-def test_every_cell_with_its_centre_inside_counts(
+def test_every_cell_with_its_center_inside_counts(
     outline: Footprint, x: float, y: float, yaw: float, seed: int
 ) -> None:
     pose = Pose2D(x, y, yaw)
@@ -70,9 +70,9 @@ def test_every_cell_with_its_centre_inside_counts(
     # cells farther than a cell's diagonal do not count
     away = shapely.contains_xy(polygon.buffer(0.075), *np.meshgrid(xs, xs))
     costmap.data[:] = np.where(away, 7, 254)
-    centre = costmap.geometry.world_to_cell(x, y)
-    assert centre is not None
-    costmap.data[centre[1], centre[0]] = 7
+    center = costmap.geometry.world_to_cell(x, y)
+    assert center is not None
+    costmap.data[center[1], center[0]] = 7
     assert footprint_cost(costmap, outline, pose) == 7
 
 

@@ -45,7 +45,7 @@ def test_every_overlapped_cell_counts(footprint: Footprint, x: float, y: float, 
     for iy, ix in np.argwhere(area > 0.0):
         costs = np.zeros((CELLS, CELLS), np.uint8)
         costs[iy, ix] = 254
-        if area[iy, ix] < 1e-9:  # a tenth of a micrometre: rounding decides
+        if area[iy, ix] < 1e-9:  # a tenth of a micrometer: rounding decides
             continue
         assert footprint_cost(Costmap(geometry, costs), footprint, pose) == 254, (ix, iy, area[iy, ix])
         assert perimeter_cost(costs, -1.5, -1.5, RESOLUTION, footprint.vertices, x, y, yaw, 1.0) == ON_LETHAL
@@ -58,9 +58,9 @@ def test_other_cells_count_only_where_cpp_draws_an_edge(footprint: Footprint, x:
     geometry = GridGeometry(CELLS, CELLS, RESOLUTION, -1.5, -1.5)
     costs = np.where(overlap_m2(footprint, pose) > 0.0, 0, 254).astype(np.uint8)
     costmap = Costmap(geometry, costs)
-    centre = geometry.world_to_cell(x, y)  # counts too, also where it is outside a concave footprint
-    assert centre is not None
-    costs[centre[1], centre[0]] = 0
+    center = geometry.world_to_cell(x, y)  # counts too, also where it is outside a concave footprint
+    assert center is not None
+    costs[center[1], center[0]] = 0
     edges = footprint_cost(costmap, footprint, pose, interior=False)
     assert footprint_cost(costmap, footprint, pose) == edges
 
@@ -77,8 +77,8 @@ def test_touching_a_cell_is_no_overlap() -> None:
 
 
 @pytest.mark.parametrize("footprint", [LONG, BOX])
-def test_a_corner_of_one_square_centimetre_is_found(footprint: Footprint) -> None:
-    """Bresenham from corner to corner misses cells that the footprint overlaps by up to several square centimetres."""
+def test_a_corner_of_one_square_centimeter_is_found(footprint: Footprint) -> None:
+    """Bresenham from corner to corner misses cells that the footprint overlaps by up to several square centimeters."""
     geometry = GridGeometry(CELLS, CELLS, RESOLUTION, -1.5, -1.5)
     rng = np.random.default_rng(15)
     missed = 0

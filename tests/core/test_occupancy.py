@@ -54,10 +54,10 @@ def test_every_dtype_gives_the_same_plan() -> None:
 
 
 def test_the_robot_keeps_its_radius() -> None:
-    centres = (np.argwhere(OPEN)[:, ::-1] + 0.5) * 0.05
+    centers = (np.argwhere(OPEN)[:, ::-1] + 0.5) * 0.05
     for radius in (0.0, 0.04, 0.1, 0.12):
         poses = nav.plan(OPEN, 0.05, START, GOAL, planner="astar", robot_radius=radius).path.poses[1:-1]
-        gaps = np.hypot(*(centres[None] - poses[:, None, :2]).transpose(2, 0, 1))
+        gaps = np.hypot(*(centers[None] - poses[:, None, :2]).transpose(2, 0, 1))
         assert gaps.min() > radius
     with pytest.raises(PlanningError):
         nav.plan(OPEN, 0.05, START, GOAL, planner="astar", robot_radius=0.3)

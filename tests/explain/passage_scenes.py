@@ -50,7 +50,7 @@ class Scene:
     thickness: float
     width: float
     slant: float
-    """How far the opening moves along the wall per metre across it (m)."""
+    """How far the opening moves along the wall per meter across it (m)."""
 
     @cached_property
     def cells(self) -> shapely.STRtree:

@@ -15,13 +15,13 @@ SIZE_M = 8.0
 def two_rooms(
     doors: dict[float, float], *, angle: float = 0.0, thickness: float = 0.2, resolution: float = RESOLUTION
 ) -> OccupancyGrid:
-    """A square room of 8 m, split by a wall through its centre at `angle`; `doors`: position along the wall (m) -> width (m).
+    """A square room of 8 m, split by a wall through its center at `angle`; `doors`: position along the wall (m) -> width (m).
 
-    A cell is occupied if its centre is inside a wall.
+    A cell is occupied if its center is inside a wall.
     """
     n = round(SIZE_M / resolution)
-    centre = (np.arange(n) + 0.5) * resolution - SIZE_M / 2.0
-    x, y = np.meshgrid(centre, centre)
+    center = (np.arange(n) + 0.5) * resolution - SIZE_M / 2.0
+    x, y = np.meshgrid(center, center)
     along = math.cos(angle) * x + math.sin(angle) * y
     across = -math.sin(angle) * x + math.cos(angle) * y
     wall = np.abs(across) <= thickness / 2.0

@@ -165,10 +165,10 @@ def test_plans_between_failures_of_the_controller_share_a_line() -> None:
     ]
 
 
-def test_cancelled_and_replaced_goals() -> None:
+def test_canceled_and_replaced_goals() -> None:
     (report,) = explain_goals(driven(replace(scenario(), goals=(Pose2D(0.0, 1.5, 1.5),)), cancel_at=2.0))
     assert report.status == "PREEMPTED"
-    assert report.summary.endswith("from the goal: cancelled")
+    assert report.summary.endswith("from the goal: canceled")
     assert of(report, "cancel")[0].begin == pytest.approx(2.0, abs=0.25)
     goals = (Pose2D(0.0, 1.5, 1.5), Pose2D(0.0, -2.5, 1.5))
     replaced, other, _ = explain_goals(driven(replace(scenario(), goals=goals), replace_at=2.0))
@@ -258,9 +258,9 @@ def test_an_expired_time_limit_is_not_called_a_cancel() -> None:
     assert [line.text for line in of(report, "cancel")] == ["the time limit of 2 s expired: the run ends the goal"]
     assert report.timeline[-1].text == "PREEMPTED The time limit of 2 s was exceeded."
     assert report.as_dict()["expired_limit_s"] == 2.0
-    (cancelled,) = explain_goals(driven(replace(far, time_limit_s=60.0), cancel_at=1.0))
-    assert cancelled.expired_limit_s is None
-    assert cancelled.summary.endswith(": cancelled")
+    (canceled,) = explain_goals(driven(replace(far, time_limit_s=60.0), cancel_at=1.0))
+    assert canceled.expired_limit_s is None
+    assert canceled.summary.endswith(": canceled")
 
 
 def test_a_kidnapped_robot_finds_itself_and_the_timeline_says_so() -> None:

@@ -56,7 +56,7 @@ def test_missing_key(key: str, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [
-        ("resolution", "0", "positive number of metres per cell, not 0"),
+        ("resolution", "0", "positive number of meters per cell, not 0"),
         ("resolution", "-0.05", "not -0.05"),
         ("resolution", ".nan", "must be a number, not nan"),
         ("resolution", ".inf", "must be a number, not inf"),

@@ -412,7 +412,7 @@ def test_a_recovery_that_never_ends() -> None:
 
 
 def test_cancels_at_every_tick_of_a_run() -> None:
-    """A goal with a recovery, cancelled at each of its ticks."""
+    """A goal with a recovery, canceled at each of its ticks."""
 
     def scene() -> tuple[Bench, GoalHandle]:
         planner = StraightPlanner(lambda n: occupied(n) if n < 6 else None)

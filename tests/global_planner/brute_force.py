@@ -35,8 +35,8 @@ def weighted(length: Array, weights: Weights) -> Array:
     return np.where(length > 0.0, weights[0] * length, -weights[1] * length)
 
 
-def centre(pose: tuple[Array, Array, Array], side: float) -> Complex:
-    """Centre of the turning circle on a side, as complex numbers."""
+def center(pose: tuple[Array, Array, Array], side: float) -> Complex:
+    """Center of the turning circle on a side, as complex numbers."""
     x, y, yaw = pose
     return x + 1j * y + side * 1j * np.exp(1j * yaw)
 
@@ -48,14 +48,14 @@ def dubins(x: Array, y: Array, yaw: Array) -> Array:
     with np.errstate(invalid="ignore"):
         for a in SIDES:
             for b in SIDES:
-                c = centre((x, y, yaw), b) - centre(start, a)
+                c = center((x, y, yaw), b) - center(start, a)
                 straight = np.abs(c) if a == b else np.sqrt(np.abs(c) ** 2 - 4.0)
                 # c = s h - (a - b) i h for the heading h of the straight
                 heading = np.angle(c) - np.angle(straight - 1j * (a - b))
                 best = np.fmin(best, ahead(a * heading) + straight + ahead(b * (yaw - heading)))
-            c = centre((x, y, yaw), a) - centre(start, a)
+            c = center((x, y, yaw), a) - center(start, a)
             for z in SIDES:
-                # the middle circle touches both outer ones; the heading where circles touch is at right angles to their centres
+                # the middle circle touches both outer ones; the heading where circles touch is at right angles to their centers
                 to_middle = np.angle(c) + z * np.arccos(np.abs(c) / 4.0)
                 first = to_middle + a * math.pi / 2.0
                 second = np.angle(2.0 * np.exp(1j * to_middle) - c) + a * math.pi / 2.0
@@ -77,14 +77,14 @@ def _one_way(start: tuple[Array, Array, Array], goal: tuple[Array, Array, Array]
     with np.errstate(invalid="ignore", divide="ignore"):
         for a in SIDES:
             for b in SIDES:
-                c = centre(goal, b) - centre(start, a)
+                c = center(goal, b) - center(start, a)
                 for z in SIDES:
                     straight = z * (np.abs(c) if a == b else np.sqrt(np.abs(c) ** 2 - 4.0))
                     heading = np.angle(c) - np.angle(straight - 1j * (a - b))
                     arcs = arc(a, heading - yaw0, w) + arc(b, yaw1 - heading, w)
                     best = np.fmin(best, arcs + weighted(straight, w))
                 best = np.fmin(best, _right_angle(c, (a, b), (yaw0, yaw1), w))
-            same, other = centre(goal, a) - centre(start, a), centre(goal, -a) - centre(start, a)
+            same, other = center(goal, a) - center(start, a), center(goal, -a) - center(start, a)
             best = np.fmin(best, _three_arcs(same, a, (yaw0, yaw1), w))
             best = np.fmin(best, _four_arcs(other, a, (yaw0, yaw1), w))
             best = np.fmin(best, _two_right_angles(other, a, (yaw0, yaw1), w))
@@ -103,7 +103,7 @@ def _three_arcs(c: Complex, a: float, yaws: tuple[Array, Array], w: Weights) -> 
 
 
 def _right(heading: Array, a: float) -> Complex:
-    """Unit vector from the centre of the circle on side `a` to the robot."""
+    """Unit vector from the center of the circle on side `a` to the robot."""
     return -a * 1j * np.exp(1j * heading)
 
 

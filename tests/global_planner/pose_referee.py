@@ -109,7 +109,7 @@ class Referee:
             blocked[inside] = np.isin(self.costmap.data[iy[inside], ix[inside]], (253, 254))
             hit = np.flatnonzero(blocked)
             deep = [k for k in hit if self._depth(dense[k], ix[k], iy[k]) > 0.25]
-            return [f"its centre is in an inscribed cell or outside the map at {dense[deep[0]]}"] if deep else []
+            return [f"its center is in an inscribed cell or outside the map at {dense[deep[0]]}"] if deep else []
         hit = self.overlaps(dense, 1.0 - 1e-6)
         return [f"its footprint overlaps an obstacle at {dense[np.argmax(hit)]}"] if hit.any() else []
 

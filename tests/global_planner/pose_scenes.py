@@ -171,7 +171,7 @@ def solvable(kind: str, number: int) -> Scene:
 
 
 def drawn(free: BaseGeometry) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Cells whose centre is outside an area, and the position of the area's zero in them (m)."""
+    """Cells whose center is outside an area, and the position of the area's zero in them (m)."""
     left, low, right, high = free.bounds
     nx, ny = (math.ceil(v / RESOLUTION) + 6 for v in (right - left, high - low))
     x = left + (np.arange(nx) - 2.5) * RESOLUTION

@@ -65,7 +65,7 @@ def test_a_plan_to_the_same_goal_keeps_the_rest_of_the_last_one() -> None:
     assert search.make_plan(costmap, first.path[43], goal, footprint=BOX).cells_expanded > 0
 
 
-def test_a_padded_robot_radius_keeps_its_centre_out_of_inscribed_cells() -> None:
+def test_a_padded_robot_radius_keeps_its_center_out_of_inscribed_cells() -> None:
     """As without padding; its polygon with corners is not checked."""
     assert shape_of(Footprint.from_radius(0.2, 0.01), 0.05).corners == 0
 

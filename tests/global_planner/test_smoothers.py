@@ -160,7 +160,7 @@ def test_selected_by_yaml() -> None:
 
 
 def test_a_pose_that_collides_does_not_get_worse() -> None:
-    """A footprint that touches a wall is no reason for the centre to enter it."""
+    """A footprint that touches a wall is no reason for the center to enter it."""
     costmap = empty()
     costmap.data[:99] = 254
     costmap.data[99:105] = 150

@@ -144,7 +144,7 @@ def test_errors_are_not_above_those_of_the_real_node(file: Path, laser: str) -> 
 
 @pytest.mark.parametrize("drift", [0.1, -0.1])
 @pytest.mark.parametrize(("file", "laser"), drives() or NONE, ids=lambda v: v.stem if isinstance(v, Path) else v)
-def test_a_drift_of_a_tenth_of_a_radian_per_metre_is_survived(file: Path, laser: str, drift: float) -> None:
+def test_a_drift_of_a_tenth_of_a_radian_per_meter_is_survived(file: Path, laser: str, drift: float) -> None:
     if not laser:
         pytest.skip("no golden data of ROS 1: set NAVSTACK_GOLDEN_ROS1 to their folder")
     assert localize(file, laser, 1, drift).held

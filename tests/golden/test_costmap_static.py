@@ -67,8 +67,8 @@ def exact_inflation(static: np.ndarray, params: np.ndarray, inscribed: float) ->
     d = np.sqrt(np.rint(distance_transform_edt(static != 254) ** 2))  # the squares are integers
     cost = np.zeros(static.shape)
     near = d <= cells
-    metres = d[near] * resolution
-    cost[near] = np.floor(252 * np.exp(-factor * (metres - inscribed)))
+    meters = d[near] * resolution
+    cost[near] = np.floor(252 * np.exp(-factor * (meters - inscribed)))
     cost[near & (d * resolution <= inscribed)] = 253
     cost[d == 0] = 254
     out = np.maximum(static, cost).astype(np.uint8)

@@ -62,7 +62,7 @@ def test_three_goals_are_reached_as_in_cpp(three_goals: tuple[list[dict[str, Any
 def test_the_third_goal_takes_as_long_as_in_cpp_with_or_without_its_full_turn(golden_dir: Path, data_dir: Path) -> None:
     """At (34.0, 14.3) noetic's scale gives a wall so much weight that every motion costs more than turning (parity 31).
 
-    In its one recorded run C++ turned a full circle there, for 7 of its 41 s. Centimetres decide whether a run does: of the
+    In its one recorded run C++ turned a full circle there, for 7 of its 41 s. Centimeters decide whether a run does: of the
     starts within about 1 cm of C++'s start some turn and take 41 s, the others 34 s. Both are checked here: with the turn
     within 5 % of C++'s time, without it within 15 % of C++'s time less the turn.
     """

@@ -55,7 +55,7 @@ def params_of(query: NDArray[np.float64], expander: str, calculator: str, traceb
 
 
 def ends(query: NDArray[np.float64]) -> tuple[Pose2D, Pose2D]:
-    """Start and goal in the world. With old_navfn_behavior C++ uses their cells only: here the centres of these cells."""
+    """Start and goal in the world. With old_navfn_behavior C++ uses their cells only: here the centers of these cells."""
     cells = query[4:8] if query[8] else query[0:4]
     sx, sy, gx, gy = ((cells + 0.5) * 0.1).tolist()
     return Pose2D(sx, sy), Pose2D(gx, gy)
@@ -67,7 +67,7 @@ def to_cells(points: NDArray[np.float64], old_navfn_behavior: bool) -> NDArray[n
 
 
 def path_cost(cells: NDArray[Any], steps: NDArray[np.float32], costs: NDArray[np.uint8]) -> float:
-    """Integral of the cells' costs along a path (n, 2) in cells, with centres at whole numbers."""
+    """Integral of the cells' costs along a path (n, 2) in cells, with centers at whole numbers."""
     total = 0.0
     for a, b in zip(cells[:-1].astype(float), cells[1:].astype(float), strict=True):
         length = float(np.hypot(*(b - a)))
@@ -140,7 +140,7 @@ def test_plans_in_the_world(file: Path, key: str, golden_dir: Path) -> None:
     )
     plan = GlobalPlannerROS(params).make_plan(costmap, Pose2D(sx, sy, 0.5), Pose2D(gx, gy, 1.0))
     poses = plan.path.poses
-    # one and a half cells: a grid path of C++ begins and ends in a neighbour of the first and last cell here (parity 12)
+    # one and a half cells: a grid path of C++ begins and ends in a neighbor of the first and last cell here (parity 12)
     assert hausdorff(poses[:, :2], expected[:, :2]) < 0.15
     assert poses[-1] == pytest.approx(expected[-1])
     assert poses[0, :2] == pytest.approx(expected[0, :2], abs=0.15)

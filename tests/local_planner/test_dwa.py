@@ -201,7 +201,7 @@ def test_obstacle_scores_sum_or_maximum() -> None:
 
 
 @pytest.mark.parametrize("dot", [LETHAL, 255, 252])
-def test_a_high_cost_under_the_centre_hides_no_collision(dot: int) -> None:
+def test_a_high_cost_under_the_center_hides_no_collision(dot: int) -> None:
     """A high-cost cell inside the footprint does not hide a later collision of its edges; a lethal one is a collision."""
     costmap = empty_map()
     x, y, resolution = 0.01, 0.01, costmap.geometry.resolution

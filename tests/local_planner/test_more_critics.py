@@ -52,9 +52,9 @@ def test_prefer_forward() -> None:
 
 
 @pytest.mark.parametrize(("sums", "expected"), [(False, 7.0), (True, 10.0 + 7.0)])
-def test_base_obstacle_scores_the_centre_only(sums: bool, expected: float) -> None:
+def test_base_obstacle_scores_the_center_only(sums: bool, expected: float) -> None:
     critic = BaseObstacleCritic("base_obstacle", BaseObstacleParams(sum_scores=sums))
-    # points 0.05 m apart, moved to the centres of cells
+    # points 0.05 m apart, moved to the centers of cells
     rollouts = straight((0.5, 0.0, 0.0))
     rollouts.poses[:, :, :2] += 0.025
     assert scored(critic, rollouts, context(c25_20=10, c30_20=7, c25_21=254)) == pytest.approx([expected])

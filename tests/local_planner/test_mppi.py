@@ -248,7 +248,7 @@ def test_from_rest_the_command_keeps_the_acceleration() -> None:
 
 
 def inputs_at(pose: Pose2D, velocity: Twist2D, lethal: Any = (), footprint: Footprint = FOOTPRINT) -> ControlInput:
-    """With inflation, so that the distance follows from the centre's cost."""
+    """With inflation, so that the distance follows from the center's cost."""
     costmap = local_costmap(pose, lethal)
     if lethal:
         from scipy import ndimage

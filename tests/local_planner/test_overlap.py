@@ -66,8 +66,8 @@ def costmap(*lethal: tuple[float, float]) -> Costmap:
 
 def lethal_squares(grid: Costmap) -> list[shapely.Polygon]:
     r = grid.geometry.resolution
-    centres = [grid.geometry.cell_to_world(ix, iy) for iy, ix in np.argwhere(grid.data == LETHAL).tolist()]
-    return [shapely.box(x - 0.5 * r, y - 0.5 * r, x + 0.5 * r, y + 0.5 * r) for x, y in centres]
+    centers = [grid.geometry.cell_to_world(ix, iy) for iy, ix in np.argwhere(grid.data == LETHAL).tolist()]
+    return [shapely.box(x - 0.5 * r, y - 0.5 * r, x + 0.5 * r, y + 0.5 * r) for x, y in centers]
 
 
 def overlapped(grid: Costmap, footprint: Footprint, pose: Pose2D) -> set[int]:
@@ -134,7 +134,7 @@ def test_stays_between_marks_on_both_sides(minimum: float) -> None:
         )
 
 
-def test_a_mark_under_the_centre_is_not_left() -> None:
+def test_a_mark_under_the_center_is_not_left() -> None:
     """No direction leads away from it."""
     with pytest.raises(NoValidControlError):
         planner(Pose2D(2.0, 0.0), min_vel_x=-0.2).compute_command(

@@ -176,7 +176,7 @@ def test_simple_attractor_drives_straight_to_the_end() -> None:
 
 
 def test_cells_under_the_robot_are_passable() -> None:
-    """Robot in a solid block, plan through its centre: distances to the plan exist under the footprint only."""
+    """Robot in a solid block, plan through its center: distances to the plan exist under the footprint only."""
     costs = np.full((40, 40), LETHAL, np.uint8)
     costmap = Costmap(GridGeometry(40, 40, 0.05, -1.0, -1.0), costs, "odom")
     planner = planner_on()

@@ -47,14 +47,14 @@ def grid() -> OccupancyGrid:
     return rooms(yaw=0.3)
 
 
-def centre(grid: OccupancyGrid) -> Transform2D:
+def center(grid: OccupancyGrid) -> Transform2D:
     return free_pose(grid, np.random.default_rng(4), margin=1.2)
 
 
 def test_tracking_from_a_pose(grid: OccupancyGrid) -> None:
     matcher = ScanMatcher()
     matcher.set_map(grid)
-    start = centre(grid)
+    start = center(grid)
     matcher.set_pose(Pose2D(start.x + 0.15, start.y - 0.1, start.yaw + 0.1), np.diag([0.05, 0.05, 0.02]), 0.0)
     found = drive(matcher, grid, start, steps=40)
     errors = np.array([error(*pair) for pair in found[3:]])
@@ -73,7 +73,7 @@ def test_a_global_start_becomes_certain_of_the_true_pose(grid: OccupancyGrid) ->
     matcher = ScanMatcher()
     matcher.set_map(grid)
     matcher.start_globally()
-    found = drive(matcher, grid, centre(grid), steps=40)
+    found = drive(matcher, grid, center(grid), steps=40)
     certain = [pair for pair in found if pair[1].details["certain"]]
     assert certain
     assert max(error(*pair)[0] for pair in certain) < 0.15
@@ -105,7 +105,7 @@ def test_equal_inputs_give_equal_estimates(grid: OccupancyGrid) -> None:
         matcher = ScanMatcher()
         matcher.set_map(grid)
         matcher.start_globally()
-        results.append([estimate for _, estimate in drive(matcher, grid, centre(grid), steps=12)])
+        results.append([estimate for _, estimate in drive(matcher, grid, center(grid), steps=12)])
     assert [e.pose for e in results[0]] == [e.pose for e in results[1]]
     assert results[0][-1].details == results[1][-1].details
 
@@ -113,8 +113,8 @@ def test_equal_inputs_give_equal_estimates(grid: OccupancyGrid) -> None:
 def test_a_resting_robot_gives_no_updates_unless_asked(grid: OccupancyGrid) -> None:
     matcher = ScanMatcher()
     matcher.set_map(grid)
-    matcher.set_pose(Pose2D(*centre(grid)), np.eye(3) * 0.01, 0.0)
-    scan = scan_from(grid, centre(grid), sensor=SENSOR)
+    matcher.set_pose(Pose2D(*center(grid)), np.eye(3) * 0.01, 0.0)
+    scan = scan_from(grid, center(grid), sensor=SENSOR)
     odometry = Transform2D()
     assert matcher.update(odometry, stamped(scan, 0.0), SENSOR) is not None
     assert matcher.update(odometry, stamped(scan, 0.1), SENSOR) is None
@@ -126,7 +126,7 @@ def test_a_resting_robot_gives_no_updates_unless_asked(grid: OccupancyGrid) -> N
 def test_a_new_map_keeps_a_certain_pose(grid: OccupancyGrid) -> None:
     matcher = ScanMatcher()
     matcher.set_map(grid)
-    start = centre(grid)
+    start = center(grid)
     matcher.set_pose(Pose2D(*start), np.eye(3) * 0.01, 0.0)
     matcher.update(Transform2D(), scan_from(grid, start, sensor=SENSOR), SENSOR)
     matcher.set_map(rooms(yaw=0.3, resolution=0.05))
@@ -142,7 +142,7 @@ def test_odd_inputs_are_refused_and_change_nothing(grid: OccupancyGrid) -> None:
     matcher.set_map(grid)
     with pytest.raises(InputError, match="finite"):
         matcher.set_pose(Pose2D(math.nan, 0.0, 0.0), np.eye(3), 0.0)
-    start = centre(grid)
+    start = center(grid)
     matcher.set_pose(Pose2D(*start), np.eye(3) * 0.01, 0.0)
     scan = scan_from(grid, start, sensor=SENSOR)
     estimate = matcher.update(Transform2D(), scan, SENSOR)

@@ -54,7 +54,7 @@ class Told(Localizer):
 
 
 def line(count: int, *, reference: bool = True) -> list[LoggedScan]:
-    """A drive along x, half a metre and 2 s per scan."""
+    """A drive along x, half a meter and 2 s per scan."""
     frames: list[LoggedScan] = []
     for i in range(count):
         at = Transform2D(0.5 * i, 0.0, 0.0)
@@ -70,7 +70,7 @@ def test_outcomes() -> None:
     assert [r.outcome for r in starts.results] == ["found", "wrong", "uncertain", "wrong", "found"]
     assert [r.scan for r in starts.results] == [0, 8, 16, 24, 32]
     first = starts.results[0]
-    assert (first.scans, first.seconds, first.metres) == (3, 4.0, pytest.approx(1.0))
+    assert (first.scans, first.seconds, first.meters) == (3, 4.0, pytest.approx(1.0))
     assert first.error == pytest.approx(0.1)
     # the second was wrong from its third scan to its last one
     assert starts.results[1].wrong == LEAST_SCANS - 2

@@ -41,7 +41,7 @@ def write_corrected_log(path: Path, grid: OccupancyGrid, truths: list[Transform2
 
 
 def circle(start: Transform2D, count: int) -> list[Transform2D]:
-    """Poses on a circle of 1 m, half a metre apart."""
+    """Poses on a circle of 1 m, half a meter apart."""
     poses = [start]
     while len(poses) < count:
         poses.append(poses[-1] @ Transform2D(0.48, 0.12, 0.5))

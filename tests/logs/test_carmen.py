@@ -144,9 +144,9 @@ def test_real_logs(file: Path) -> None:
     odometry = np.array([f.odometry for f in frames])
     length, driven = (float(np.hypot(*np.diff(p[:, :2], axis=0).T).sum()) for p in (poses, odometry))
     if file.name in PATHS_M:
-        scans, metres = PATHS_M[file.name]
+        scans, meters = PATHS_M[file.name]
         assert len(frames) == scans
-        assert length == pytest.approx(metres, abs=0.1)
+        assert length == pytest.approx(meters, abs=0.1)
     # the raw odometry of the wheels is within a few percent of the corrected path; its rebasing would add tens
     assert driven == pytest.approx(length, rel=0.05)
     steps = [

@@ -97,7 +97,7 @@ def test_cancel_all(server: SimpleActionServer) -> None:
     b = server.submit(goal("b", 2.0), 2.0)
     assert server.cancel(3.0) == [a, b]
     assert (a.status, b.status, server.preempt_requested) == (S.PREEMPTING, S.RECALLING, True)
-    # the executor receives the waiting goal already cancelled
+    # the executor receives the waiting goal already canceled
     server.accept(3.2)
     assert (a.status, b.status, server.preempt_requested) == (S.PREEMPTED, S.PREEMPTING, True)
     server.set_preempted(3.2)

@@ -1,7 +1,7 @@
 """Each row of the outcome table (move_base behavior, section 7), with the real parts in the simulator.
 
 The turtlebot in the packaged office: real costmaps, navfn, DWA, recoveries, simulated robot and lidar. Two rows cannot be
-reached from outside, in C++ neither: a local planner that refuses a plan (there: one that is not initialised) is DWA with
+reached from outside, in C++ neither: a local planner that refuses a plan (there: one that is not initialized) is DWA with
 that one answer; a bug in the state machine is an event that cannot happen.
 """
 
@@ -53,7 +53,7 @@ def bumped() -> GoalHandle:
     return handle
 
 
-def cancelled_before() -> GoalHandle:
+def canceled_before() -> GoalHandle:
     office = Office()
     office.run_to(1.0)
     office.move_base.cancel_goals_at_and_before(5.0)
@@ -69,7 +69,7 @@ def plan_refused() -> GoalHandle:
     office = Office()
 
     def refuse(plan: object, goal: object) -> None:
-        raise InvalidPathError("not initialised")
+        raise InvalidPathError("not initialized")
 
     office.move_base.local_planner.set_plan = refuse  # type: ignore[method-assign]
     return office.run(office.move_base.send_goal(NEAR), 1.0)
@@ -120,7 +120,7 @@ ROWS: dict[str, tuple[Callable[[], GoalHandle], GoalStatus, str]] = {
         "This goal was canceled because another goal was recieved by the simple action server",
     ),
     "cancel stamp >= goal stamp, before acceptance": (
-        cancelled_before,
+        canceled_before,
         S.RECALLED,
         (
             "This goal handle was canceled by the action server because its timestamp is before the timestamp of the last "

@@ -30,7 +30,7 @@ def test_reached() -> None:
     assert bench.move_base.state is Mode.IDLE
 
 
-def test_cancelled_while_driving() -> None:
+def test_canceled_while_driving() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(FAR)
     bench.run_to(1.05)
@@ -43,7 +43,7 @@ def test_cancelled_while_driving() -> None:
     assert handle.result.error_name == "CANCELED"
 
 
-def test_cancelled_before_acceptance() -> None:
+def test_canceled_before_acceptance() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(FAR)
     bench.move_base.cancel_goal(handle.id)

@@ -66,7 +66,7 @@ def test_reached() -> None:
     assert office.is_stopped()
 
 
-def test_cancelled_replaced_and_recalled() -> None:
+def test_canceled_replaced_and_recalled() -> None:
     office = Office()
     first = office.move_base.send_goal(FAR)
     office.run_to(3.0)
@@ -125,7 +125,7 @@ def test_the_recoveries_clear_observations() -> None:
     for by_costmap in cleared:
         assert set(by_costmap) == {"global_costmap", "local_costmap"}
         assert all("obstacle_layer" in layers and "static_layer" not in layers for layers in by_costmap.values())
-    # the aggressive reset keeps less than a metre; the walls of the corridor are farther away
+    # the aggressive reset keeps less than a meter; the walls of the corridor are farther away
     assert cleared[1]["global_costmap"]["obstacle_layer"] > 0
 
 

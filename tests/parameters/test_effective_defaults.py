@@ -45,7 +45,7 @@ EXCEPTIONS = {
     ("4", "topic"): "the source's name: empty stands for it",
     ("4", "track_unknown_space"): "the costmap's own",
     ("9", "step_size"): "dead in ROS",
-    ("10", "meter_scoring"): "indeterminate in ROS (an uninitialised bool); false here",
+    ("10", "meter_scoring"): "indeterminate in ROS (an uninitialized bool); false here",
     ("12", "layer_names"): "parity 18: none stands for every layer fed by sensors",
     ("13", "acc_lim_theta"): "parity 19: the local planner's own",
     ("13", "max_vel_theta"): "parity 19: the local planner's own",

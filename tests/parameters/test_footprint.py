@@ -53,7 +53,7 @@ def test_radius_must_be_positive() -> None:
 
 @pytest.mark.parametrize("padding", [0.0, 0.01, 0.3, -0.05])
 def test_a_robot_radius_is_round_with_any_padding(padding: float) -> None:
-    """As in costmap_2d, where the centre of a robot with `robot_radius` keeps out of inscribed cells."""
+    """As in costmap_2d, where the center of a robot with `robot_radius` keeps out of inscribed cells."""
     found = with_footprint(robot_radius=0.2, footprint_padding=padding)
     assert found.footprint.is_round
     assert not with_footprint(footprint=SQUARE, footprint_padding=padding).footprint.is_round

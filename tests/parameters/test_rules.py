@@ -32,12 +32,12 @@ OLD = {"path_distance_bias": 64.0, "goal_distance_bias": 24.0, "occdist_scale": 
 def test_the_scoring_scale_of_before_2018() -> None:
     """Parity 31, with the turtlebot's numbers."""
     one = found("scoring-scale", DWAPlannerROS=OLD, local_costmap__resolution=0.05)
-    # noetic: goal and goal_front 2 * 24 a metre; 0.5 * 252 at the inscribed radius
+    # noetic: goal and goal_front 2 * 24 a meter; 0.5 * 252 at the inscribed radius
     for number in (
         "is worth 48",
         "horizon of 0.5 m 24",
         "costs 126",
-        "24 per metre, 6.3 per obstacle",
+        "24 per meter, 6.3 per obstacle",
         "divide occdist_scale by 10",
         "indigo",
     ):
@@ -54,7 +54,7 @@ def test_the_scoring_scale_of_trajectory_rollout_with_meter_scoring() -> None:
     weights = {"meter_scoring": True, "goal_distance_bias": 1.0, "path_distance_bias": 0.75, "occdist_scale": 0.1}
     rollout = {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"}
     one = found("scoring-scale", **rollout, TrajectoryPlannerROS={**weights, "sim_time": 2.0, "max_vel_x": 0.5})
-    for number in ("is worth 1 ", "costs 25.2", "1 per metre, 1.26 per obstacle", "divide occdist_scale by 20"):
+    for number in ("is worth 1 ", "costs 25.2", "1 per meter, 1.26 per obstacle", "divide occdist_scale by 20"):
         assert number in one.message
     old = {**rollout, "TrajectoryPlannerROS": {**weights, "sim_time": 2.0, "max_vel_x": 0.5}}
     assert "scoring-scale" not in rules_of(**old, navstack={"ros_distro": "indigo"})

@@ -1,4 +1,4 @@
-"""Simulation of colour vision deficiencies, and distances between colours."""
+"""Simulation of color vision deficiencies, and distances between colors."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def test_the_driven_path_grows(film):
     trail = [count(frame, colors.DRIVEN) for frame in shown]
     assert trail[-1] > trail[5] > trail[0]
     assert all((a != b).any() for a, b in itertools.pairwise(shown))
-    # the palette contains the colours with a meaning exactly; the background stays white
+    # the palette contains the colors with a meaning exactly; the background stays white
     assert count(shown[-1], colors.GOAL, 0) > 100
     assert count(shown[-1], colors.COLLISION, 0) > 20
     assert (shown[-1][:3] == 255).all()

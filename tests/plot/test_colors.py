@@ -62,7 +62,7 @@ def test_cells_are_painted_by_value():
     assert colors.LETHAL_RGB[0] < painted[1, 1, 0] < 255
 
 
-def test_every_value_of_a_cell_has_its_colour():
+def test_every_value_of_a_cell_has_its_color():
     costs = np.arange(256, dtype=np.uint8).reshape(16, 16)
     assert np.array_equal(colors.COSTS(costs)[..., :3].reshape(-1, 3), colors.cost_colors())
     cells = np.arange(-128, 128).astype(np.int8).reshape(16, 16)

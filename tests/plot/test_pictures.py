@@ -278,7 +278,7 @@ def test_a_constant_potential_is_not_drawn(costmap, tmp_path, value):
     plot_plan(costmap, a_plan(potential=flat), tmp_path / "plan.png", start=START, goal=GOAL)
 
 
-def test_several_plans_have_different_colours(costmap, tmp_path):
+def test_several_plans_have_different_colors(costmap, tmp_path):
     plans = {f"planner {i}": a_plan(0.2 * i) for i in range(4)}
     image = pixels(plot_plan(costmap, plans, tmp_path / "plans.png", start=START, goal=GOAL))
     for color in colors.PLANS[:4]:

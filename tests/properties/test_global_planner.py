@@ -171,7 +171,7 @@ def test_the_cost_is_that_of_a_reference_dijkstra(problem: tuple[Costmap, Pose2D
     assert s is not None
     assert t is not None
     best = reference_dijkstra(free_cells(costmap, costs, s), costs.steps[costmap.data], s, t)
-    # navfn queues a neighbour only for a gain of 0.7 of its cost, so up to a third of a step may be missing
+    # navfn queues a neighbor only for a gain of 0.7 of its cost, so up to a third of a step may be missing
     assert best * (1.0 - 1e-5) <= plan.cost <= best + 0.3 * 252.0 * math.ceil(best / 2000.0 + 1.0)
 
 

@@ -128,8 +128,8 @@ def scene(rng: np.random.Generator, ny: int, nx: int, kind: str) -> NDArray[np.u
     if kind == "inflated":
         y, x = np.mgrid[:ny, :nx]
         distance = np.full((ny, nx), 99.0)
-        centres: Any = rng.uniform(0, (ny, nx), (6, 2))
-        for cy, cx in centres:
+        centers: Any = rng.uniform(0, (ny, nx), (6, 2))
+        for cy, cx in centers:
             distance = np.minimum(distance, np.hypot(y - cy, x - cx))
         cost = 252.0 * np.exp(-0.3 * np.maximum(distance - 2.0, 0.0))
         return np.where(distance < 1.0, 254, np.where(distance < 2.0, 253, cost)).astype(np.uint8)
@@ -155,7 +155,7 @@ def cases(draw: st.DrawFn) -> tuple[Costmap, Pose2D, Pose2D, list[Subject]]:
 
 
 def pose(draw: st.DrawFn, g: GridGeometry, rng: np.random.Generator) -> Pose2D:
-    """Anywhere on the map: at the centre of a cell, on its edge, or elsewhere; the yaw may be out of range."""
+    """Anywhere on the map: at the center of a cell, on its edge, or elsewhere; the yaw may be out of range."""
     yaw = draw(st.sampled_from([0.0, 0.5, -math.pi, math.pi, 7.0, -100.0]))
     ix, iy = int(rng.integers(0, g.nx)), int(rng.integers(0, g.ny))
     dx, dy = (
@@ -228,7 +228,7 @@ def checked(
 
 
 def sampled(xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (n, 2) along a path, at the centres of pieces, and the lengths (n,) of the pieces."""
+    """Points (n, 2) along a path, at the centers of pieces, and the lengths (n,) of the pieces."""
     if len(xy) < 2:
         return xy, np.zeros(len(xy))
     steps = np.diff(xy, axis=0)

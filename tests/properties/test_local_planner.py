@@ -166,7 +166,7 @@ def test_a_command_or_the_right_exception(name: str, data: st.DataObject) -> Non
 def test_no_footprint_costs_more_than_the_bound(
     costmap: Costmap, poses_: list[Pose2D], scale: float, data: st.DataObject
 ) -> None:
-    """The bound that decides which footprints are rasterized holds for every position of the centre in its cell."""
+    """The bound that decides which footprints are rasterized holds for every position of the center in its cell."""
     g = costmap.geometry
     footprint = data.draw(st.sampled_from(FOOTPRINTS))
     rows, bound = np.empty_like(costmap.data), np.empty_like(costmap.data)
@@ -222,7 +222,7 @@ def test_a_resumed_wavefront_gives_the_same_scores(
     def scored() -> np.ndarray[Any, Any]:
         if nose:
             return grid.at_nose(rollouts, cells, ahead, np.empty(12))
-        return grid.at_centre(rollouts, cells, np.empty(12))
+        return grid.at_center(rollouts, cells, np.empty(12))
 
     lazy = scored()
     whole = grid.values()

@@ -62,8 +62,8 @@ def test_obstacle_scores_equal_those_of_every_point_on_its_own(
 
 
 def point_cost(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> int:
-    """Cost of one point of a rollout: edges, centre, overlapped lethal cells; 256 off the map."""
-    centre, edges = costmap.cost_at(*pose[:2]), footprint_cost(costmap, footprint, pose, interior=False)
-    if centre is None or edges is None:
+    """Cost of one point of a rollout: edges, center, overlapped lethal cells; 256 off the map."""
+    center, edges = costmap.cost_at(*pose[:2]), footprint_cost(costmap, footprint, pose, interior=False)
+    if center is None or edges is None:
         return 256
-    return 254 if overlaps_obstacle(costmap, footprint, pose) else max(edges, centre) if edges < 254 else edges
+    return 254 if overlaps_obstacle(costmap, footprint, pose) else max(edges, center) if edges < 254 else edges

@@ -21,7 +21,7 @@ OUTLINES = {
     "round": Footprint.from_radius(0.18),
     "box": Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])),
     "arrow": Footprint(np.array([[-0.4, -0.3], [0.5, 0.0], [-0.4, 0.3], [-0.2, 0.0]])),
-    "ell, its centre outside": Footprint(
+    "ell, its center outside": Footprint(
         np.array([[0.1, 0.1], [0.9, 0.1], [0.9, 0.3], [0.3, 0.3], [0.3, 0.8], [0.1, 0.8]])
     ),
     "big": Footprint(np.array([[-2.0, -1.5], [2.0, -1.5], [2.0, 1.5], [-2.0, 1.5]])),

@@ -67,7 +67,7 @@ def test_scans_can_be_left_out() -> None:
     assert driven(scans=False).scans == ()
 
 
-def test_scans_lie_between_the_samples_and_are_rounded_to_the_millimetre() -> None:
+def test_scans_lie_between_the_samples_and_are_rounded_to_the_millimeter() -> None:
     recorder = a_recorder(sensors={"laser": Transform2D(0.1, 0.0, 0.0)})
     for i in range(3):
         recorder.sample(

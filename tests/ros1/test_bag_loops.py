@@ -68,7 +68,7 @@ json.dump(found, open(sys.argv[1], "w"))
 
 
 def test_a_bag_in_a_loop(tmp_path: Path) -> None:
-    """In each loop plans, costmaps and statuses go on, and a goal can be cancelled."""
+    """In each loop plans, costmaps and statuses go on, and a goal can be canceled."""
     bag, out = tmp_path / "drive.bag", tmp_path / "found.json"
     with module_graph(tmp_path) as graph:
         sim = graph.node("sim", "office", "--clock", "--speed", "2")

@@ -181,7 +181,7 @@ def test_trajectories_and_teleop(robot: Robot) -> None:
 
 
 def _check_eight(eight: NDArray[np.float64]) -> None:
-    """The first eight is centred at (4, 0, 2), in the y-z plane: its samples are those of the closed form, t < P."""
+    """The first eight is centered at (4, 0, 2), in the y-z plane: its samples are those of the closed form, t < P."""
     t, w = np.arange(100) * 0.1, 0.2 * np.pi
     np.testing.assert_allclose(eight[:, 0], t, atol=1e-9)
     place = (np.full(100, 4.0), 1.5 * np.sin(2 * w * t), 2.0 - np.cos(w * t))

@@ -67,7 +67,7 @@ while client.get_state() != actionlib.SimpleGoalState.ACTIVE and client.get_goal
     rospy.rostime.wallsleep(0.05)
 client.cancel_goal()
 client.wait_for_result()
-found["cancelled"] = [client.get_state(), client.get_goal_status_text()]
+found["canceled"] = [client.get_state(), client.get_goal_status_text()]
 client.send_goal(goal(3.0, 7.45, w=0.0))
 client.wait_for_result()
 found["invalid"] = [client.get_state(), client.get_goal_status_text()]
@@ -113,7 +113,7 @@ def test_clients_of_move_base(nodes: Rig, tmp_path: Path) -> None:
     assert found["first"] == [3, "Goal reached."]
     assert found["plan"][0] > 10 and found["plan"][1:] == ["", "map"]
     assert found["map"] > 100
-    assert found["cancelled"] == [2, ""]
+    assert found["canceled"] == [2, ""]
     assert found["invalid"] == [4, "Aborting on goal because it was sent with an invalid quaternion"]
     assert found["costmap"][2] == 100
     counts = found["counts"]

@@ -153,7 +153,7 @@ for x, y, yaw in ((1.8, 7.45, 0.0), (2.4, 7.45, math.pi / 2)):
     states.append([client.wait_for_result(rospy.Duration(600)), names[client.get_state()]])
 found["places"], found["feedback"] = states, sorted(set(fed))
 
-# too little time: cancelled
+# too little time: canceled
 client.send_goal(goal_of(20.6, 2.2, 0.0, "map"))
 finished = client.wait_for_result(rospy.Duration(2.0))
 client.cancel_goal()

@@ -458,7 +458,7 @@ def test_costmap_cells(cost: int, unknown: bool, stops: bool) -> None:
     source = MonitorSourceParams(type="costmap", topic="local_costmap/costmap", treat_unknown_as_obstacle=unknown)
     m = monitor({"s": STOP}, {"cells": source})
     costmap = Costmap(GridGeometry(40, 40, 0.05, -1.0, -1.0), np.zeros((40, 40), np.uint8), "odom")
-    costmap.data[20, 26] = cost  # its centre is at (0.325, 0.025)
+    costmap.data[20, 26] = cost  # its center is at (0.325, 0.025)
     m.field.observe_costmap("local_costmap", costmap, 0.0)
     assert (m.process(FORWARD, 0.0).command == Twist2D()) == stops
 

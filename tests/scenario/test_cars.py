@@ -106,8 +106,8 @@ def test_a_path_that_is_too_tight_is_named_with_its_place() -> None:
 # --- braking after a cancel -------------------------------------------------------------------------------------------
 
 
-def cancelled(*overrides: str, again: bool = False) -> tuple[Run, list[tuple[float, float, str]]]:
-    """A car that is cancelled in full drive; per cycle time, speed commanded and activity. `again`: a new goal meanwhile."""
+def canceled(*overrides: str, again: bool = False) -> tuple[Run, list[tuple[float, float, str]]]:
+    """A car that is canceled in full drive; per cycle time, speed commanded and activity. `again`: a new goal meanwhile."""
     run = Run(load_scenario(shipped_scenarios()["car_reverse_out"], params=["car_rpp"], overrides=overrides))
     robot, move_base = run.robot, run.move_base
     rows: list[tuple[float, float, str]] = []
@@ -124,11 +124,11 @@ def cancelled(*overrides: str, again: bool = False) -> tuple[Run, list[tuple[flo
     return run, rows
 
 
-def test_a_cancelled_car_stops_at_once_or_brakes() -> None:
-    _, rows = cancelled()
+def test_a_canceled_car_stops_at_once_or_brakes() -> None:
+    _, rows = canceled()
     assert rows[39][1] == pytest.approx(-0.7)
     assert rows[40][1:] == (0.0, "IDLE")
-    run, rows = cancelled(
+    run, rows = canceled(
         "RegulatedPurePursuitController/use_cancel_deceleration=true",
         "RegulatedPurePursuitController/cancel_deceleration=1.0",
     )
@@ -140,7 +140,7 @@ def test_a_cancelled_car_stops_at_once_or_brakes() -> None:
 
 
 def test_a_new_goal_ends_the_braking() -> None:
-    _, rows = cancelled(
+    _, rows = canceled(
         "RegulatedPurePursuitController/use_cancel_deceleration=true",
         "RegulatedPurePursuitController/cancel_deceleration=1.0",
         again=True,

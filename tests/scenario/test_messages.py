@@ -57,7 +57,7 @@ CASES = {
         "map: office\nstart: corridor_west\ngoals: [kitchn, office_2]\nsuccess: {goals: [SUCCEEDED, ABORTED]}\n",
         '3:9: goal 1 "kitchn" is not a known place; did you mean kitchen?',
     ),
-    "foreign key": (GOOD + "colour: red\n", f'4:1: a scenario has no key "colour"; known keys: {KEYS}'),
+    "foreign key": (GOOD + "color: red\n", f'4:1: a scenario has no key "color"; known keys: {KEYS}'),
     "key twice": (
         GOOD + "seed: 1\nseed: 2\n",
         "5:1: seed is set twice (first on line 4), and the second value is used; remove one of them",

@@ -22,16 +22,16 @@ OUTLINES = (
 def test_it_agrees_with_the_simulated_world(seed: int) -> None:
     rng = np.random.default_rng(seed)
     grid = random_map(seed, share=0.02)
-    centre = grid.geometry.origin_x, grid.geometry.origin_y
+    center = grid.geometry.origin_x, grid.geometry.origin_y
     shapes = [
-        Shape(radius=0.3, pose=[*(centre + rng.uniform(-3, 3, 2)).tolist(), 0.0]),
-        Shape(name="box", box=[0.6, 0.2], pose=[*(centre + rng.uniform(-3, 3, 2)).tolist(), 1.0]),
+        Shape(radius=0.3, pose=[*(center + rng.uniform(-3, 3, 2)).tolist(), 0.0]),
+        Shape(name="box", box=[0.6, 0.2], pose=[*(center + rng.uniform(-3, 3, 2)).tolist(), 1.0]),
     ]
     world = World(grid, shapes=shapes)
     answers: set[bool] = set()
     for outline in OUTLINES:
         for _ in range(150):
-            x, y = (centre + rng.uniform(-5, 5, 2)).tolist()
+            x, y = (center + rng.uniform(-5, 5, 2)).tolist()
             pose = Pose2D(x, y, float(rng.uniform(-math.pi, math.pi)))
             found = collision_at_start(outline, pose, grid, shapes)
             answers.add(found is None)

@@ -216,7 +216,7 @@ def test_a_failed_step_ends_the_run_only_if_asked_to() -> None:
     assert len(run_scenario(scenario(*steps, stop_on_failure=True)).goals) == 1
 
 
-def test_a_step_that_takes_too_long_is_cancelled() -> None:
+def test_a_step_that_takes_too_long_is_canceled() -> None:
     result = run_scenario(scenario({"wait": 100.0}, time_limit_s=1.0))
     assert result.goals[0].state == "PREEMPTED"
     assert result.simulated_s < 2.0

@@ -141,7 +141,7 @@ def test_a_failure_ends_the_tour_only_with_stop_on_failure(stop: bool) -> None:
     assert not result.succeeded
 
 
-def test_a_goal_that_takes_too_long_is_cancelled() -> None:
+def test_a_goal_that_takes_too_long_is_canceled() -> None:
     result = drive_tour(scenario_of(FAR, NEAR, time_limit_s=1.0), ("far", "near"))
     assert result.run.goals[0].state == "PREEMPTED"
     assert result.run.goals[0].time_s == pytest.approx(1.2, abs=0.2)

@@ -44,8 +44,8 @@ def worlds(data_dir: Path) -> list[World]:
     offsets, radius = data["cyl_offset"], float(data["cyl_radius"])
     found: list[World] = []
     for first, last in pairwise(offsets.tolist()):
-        centres = data["cyl_xy"][first:last] - (-2.25, 3.0)
-        found.append(World(None, np.column_stack((centres, np.full(len(centres), radius)))))
+        centers = data["cyl_xy"][first:last] - (-2.25, 3.0)
+        found.append(World(None, np.column_stack((centers, np.full(len(centers), radius)))))
     return found
 
 
@@ -60,9 +60,9 @@ def test_start_and_goal_are_free_and_scans_see_every_cylinder_in_sight(worlds: l
         eye = np.array([0.055 * math.cos(1.57), 0.055 * math.sin(1.57)])
         towards = np.column_stack((np.cos(1.57 + angles), np.sin(1.57 + angles)))
         # all beams against all discs, in one table
-        centres, radius = world.discs_at(0.0)[:, :2] - eye, world.discs_at(0.0)[:, 2]
-        along = towards @ centres.T
-        under = radius**2 - ((centres**2).sum(axis=1) - along**2)
+        centers, radius = world.discs_at(0.0)[:, :2] - eye, world.discs_at(0.0)[:, 2]
+        along = towards @ centers.T
+        under = radius**2 - ((centers**2).sum(axis=1) - along**2)
         hit = np.where((under >= 0) & (along > 0), along - np.sqrt(np.maximum(under, 0)), np.inf).min(axis=1)
         expected = np.where(hit > 10.0, np.inf, np.where(hit < 0.1, -np.inf, hit))
         np.testing.assert_allclose(scan.ranges, expected, atol=1e-5)

@@ -223,7 +223,7 @@ def wall_world(kind: str, angle: float) -> World:
     st.floats(-0.5, 0.5),
     st.sampled_from([10.0, 50.0, 200.0]),
 )
-def test_no_body_passes_a_wall_of_one_centimetre_at_2_m_per_s(
+def test_no_body_passes_a_wall_of_one_centimeter_at_2_m_per_s(
     outline: str, kinematics: str, kind: str, angle: float, wz: float, vy: float, frequency: float
 ) -> None:
     world = wall_world(kind, angle)

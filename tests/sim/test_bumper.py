@@ -56,7 +56,7 @@ def test_a_kobuki_has_no_bumper_at_the_back(bearing: float) -> None:
 
 
 @pytest.mark.parametrize(("bearing", "middle"), [(0.2, 0.0), (0.7, 1.047), (-1.4, -1.047)])
-def test_with_point_zone_the_point_is_at_the_zone_centre(bearing: float, middle: float) -> None:
+def test_with_point_zone_the_point_is_at_the_zone_center(bearing: float, middle: float) -> None:
     ((x, y, _),) = clouds(touching(bearing, point="zone"))[-1].points.tolist()
     assert math.atan2(y, x) == pytest.approx(middle, abs=0.03)
 
@@ -125,7 +125,7 @@ def test_outline_points_are_dense_and_normals_point_outwards() -> None:
         gaps = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
         assert gaps.max() <= SPACING + 1e-12
         assert np.hypot(*normals.T) == pytest.approx(1.0)
-        assert ((points * normals).sum(axis=1) > 0.0).all()  # convex around the centre
+        assert ((points * normals).sum(axis=1) > 0.0).all()  # convex around the center
 
 
 def test_invalid_bumpers_are_rejected() -> None:
@@ -202,7 +202,7 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, float, Any
     move_base = build_move_base(configuration, robot, static_map=grid)
     handle = move_base.send_goal(office.goals[0])
     marks: list[Any] = []
-    centre = Pose2D(disc[0], disc[1])
+    center = Pose2D(disc[0], disc[1])
     stands_since, longest = 0.0, 0.0
     while not handle.is_done:
         before, at = robot.time, robot.pose
@@ -213,11 +213,11 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, float, Any
             longest = max(longest, robot.time - stands_since)
         move_base.tick(robot.time)
         # never over it: the 16-gon reaches to 0.98 of its radius at least
-        assert robot.pose.distance_to(centre) > disc[2] + 0.98 * robot.footprint.inscribed_radius
+        assert robot.pose.distance_to(center) > disc[2] + 0.98 * robot.footprint.inscribed_radius
         assert robot.time < 600.0
         for costmap in (move_base.local_costmap, move_base.global_costmap):
             x, y = (disc[0], disc[1])
-            if costmap.name == "local_costmap" and robot.pose.distance_to(centre) > 1.5:
+            if costmap.name == "local_costmap" and robot.pose.distance_to(center) > 1.5:
                 continue
             costs = {
                 (dx, dy): costmap.master.cost_at(x + dx, y + dy)  # pyright: ignore
@@ -238,7 +238,7 @@ ON_THE_WAY = [((6.795, 7.674, 0.115), True), ((5.668, 7.784, 0.046), True), ((4.
 def test_a_turtlebot_marks_obstacles_that_press_its_bumper(disc: tuple[float, float, float], arrives: bool) -> None:
     """It collides with the unseen obstacle once or a few times, marks it, and drives around it if there is space.
 
-    The turtlebot's YAML lets it drive forwards only, and the mark lies some centimetres beyond what it touches: now and
+    The turtlebot's YAML lets it drive forwards only, and the mark lies some centimeters beyond what it touches: now and
     then it pushes against the thing, stops after stall_timeout, and gives up, with that reason.
     """
     robot, push, handle, marks = bumped(disc)

@@ -86,7 +86,7 @@ def test_ackermann_condition_and_turning_radius() -> None:
     car = AckermannDrive(0.5, 0.4, 0.6)
     angles = car.front_wheels(0.4)
     assert 1.0 / math.tan(angles.right) - 1.0 / math.tan(angles.left) == pytest.approx(0.4 / 0.5)
-    assert angles.left > angles.centre > angles.right
+    assert angles.left > angles.center > angles.right
     assert car.front_wheels(0.0) == (0.0, 0.0, 0.0)
     assert car.turning_radius == pytest.approx(0.5 / math.tan(0.6))
     assert car.steering(Twist2D(0.0, 0.0, 1.0)) is None
@@ -139,7 +139,7 @@ def test_exact_steps_compose(wz: float, vx: float, vy: float, dt: float) -> None
 
 @pytest.mark.parametrize("method", METHODS)
 def test_encoder_odometry_has_the_error_of_a_tick_and_of_its_method(method: str) -> None:
-    """A quarter circle of 1 m at 20 Hz: with 2578 ticks per metre the ticks cost less than 1 mm."""
+    """A quarter circle of 1 m at 20 Hz: with 2578 ticks per meter the ticks cost less than 1 mm."""
     drive, per_tick = DifferentialDrive(0.23), 2.0 * math.pi * 0.035 / 2578.33 * 4.0
     odometry = WheelOdometry(drive, per_tick, method=method)  # type: ignore[arg-type]
     twist, steps = Twist2D(0.5, 0.0, 0.5), 63

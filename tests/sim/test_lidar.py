@@ -64,7 +64,7 @@ def compare(world: World, eye: Pose2D, reach: float) -> None:
     assert not np.isnan(exact).any()
     assert (exact >= 0).all()
     seen = np.isfinite(marched)
-    # never behind what the marcher found; a micrometre for float32
+    # never behind what the marcher found; a micrometer for float32
     assert (exact[seen] <= marched[seen] + 1e-6).all()
     agree = (np.where(seen, marched, reach) - np.where(np.isfinite(exact), exact, reach)) <= STEP + 1e-6
     # where they differ by more, the exact hit is real: a point just behind it is occupied, the stretch is a cut corner

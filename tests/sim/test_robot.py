@@ -33,9 +33,9 @@ def test_turning_circle() -> None:
     it = robot()
     it.command(Twist2D(0.5, 0.0, 0.5))
     samples = it.advance_to(4 * math.pi)
-    centre = np.hypot(samples[:, 0], samples[:, 1] - 1.0)
-    # the chord of a step is as long as its arc: the radius grows by (w dt)² / 24 = 4e-6 m, twice that off the first centre
-    assert centre == pytest.approx(1.0, abs=1e-5)
+    center = np.hypot(samples[:, 0], samples[:, 1] - 1.0)
+    # the chord of a step is as long as its arc: the radius grows by (w dt)² / 24 = 4e-6 m, twice that off the first center
+    assert center == pytest.approx(1.0, abs=1e-5)
     assert it.distance_travelled == pytest.approx(0.5 * it.time)
     assert it.pose.distance_to(Pose2D(0, 0)) < 0.02
 
@@ -163,7 +163,7 @@ def test_energy_of_the_odometry_noise() -> None:
 
 @pytest.mark.parametrize("frequency", [20.0, 100.0])
 def test_the_heading_drifts_with_the_square_root_of_the_distance(frequency: float) -> None:
-    """0.05 rad for a metre: after 4 m the heading has a deviation of 0.1 rad, the lateral error one of 0.05 sqrt(4^3 / 3) m."""
+    """0.05 rad for a meter: after 4 m the heading has a deviation of 0.1 rad, the lateral error one of 0.05 sqrt(4^3 / 3) m."""
     true: list[tuple[float, float]] = []
     reported: list[tuple[float, float]] = []
     for seed in range(300):
@@ -226,7 +226,7 @@ def corridor(wall_cells: int, resolution: float) -> World:
 
 @pytest.mark.parametrize("speed", [0.3, 2.0, 5.0])
 @pytest.mark.parametrize("footprint", [CIRCLE, BOX, Footprint.from_radius(0.02)], ids=["round", "box", "tiny"])
-def test_no_motion_through_a_wall_of_one_centimetre(speed: float, footprint: Footprint) -> None:
+def test_no_motion_through_a_wall_of_one_centimeter(speed: float, footprint: Footprint) -> None:
     it = SimulatedRobot(SimParams(), corridor(1, 0.01), footprint, Pose2D(0.5, 0.003, 0.0))
     it.command(Twist2D(speed))
     it.advance_to(8.0)

@@ -63,7 +63,7 @@ def test_a_record_with_shapes_and_people_replays_byte_for_byte(tmp_path: Path) -
         world.clearance(Pose2D(*pose), footprint, t)
         for pose, t in zip(record.poses.tolist(), record.times.tolist(), strict=True)
     ]
-    # the polygon that stands for a round robot does not turn with it: a few millimetres more or less
+    # the polygon that stands for a round robot does not turn with it: a few millimeters more or less
     assert (record.clearances <= np.array(alone) + 0.005).all()
     assert (record.clearances < np.array(alone) - 0.005).any()
     assert (record.clearances < np.array(alone) - 0.01).any()

@@ -75,7 +75,7 @@ def test_encoders_count_what_wheel_odometry_integrates(kinematics: str, wheels: 
     it = robot(kinematics, ticks_per_revolution=2578.33, **wheels)
     drive = wheel_drive(it.params)
     assert drive is not None
-    odometry = WheelOdometry(drive, it.params.wheels.metres_per_tick)
+    odometry = WheelOdometry(drive, it.params.wheels.meters_per_tick)
     odometry.update(it.encoder_ticks, 0.0)
     for k in range(1, 200):
         side = 0.1 if kinematics == "holonomic" else 0.0
@@ -83,7 +83,7 @@ def test_encoders_count_what_wheel_odometry_integrates(kinematics: str, wheels: 
         it.advance_to(0.02 * k)
         odometry.update(it.encoder_ticks, it.time)
     assert it.state().pose == pytest.approx(odometry.pose, abs=1e-9)
-    tick = it.params.wheels.metres_per_tick
+    tick = it.params.wheels.meters_per_tick
     assert it.state().pose.distance_to(it.pose) < 20.0 * tick
     assert it.state().pose != it.pose
 
@@ -114,7 +114,7 @@ def test_blocked_wheels_stop_and_count_no_further() -> None:
     it.command(Twist2D(0.5))
     it.advance_to(5.0)
     assert it.pose.x == pytest.approx(0.4, abs=0.01)
-    tick = it.params.wheels.metres_per_tick
+    tick = it.params.wheels.meters_per_tick
     assert it.encoder_ticks[0] * tick == pytest.approx(it.pose.x, abs=0.011)
     assert it.state().pose.x == pytest.approx(it.pose.x, abs=0.011)
 

@@ -35,7 +35,7 @@ def test_an_open_field_is_crossed_at_full_speed_and_reproducibly(jackal: Path) -
     first, recorder = run_world(world, configuration)
     assert recorder is None
     assert first.outcome == "success" and first.world == 7
-    # the first 0.1 m are not timed and the last metre is not driven
+    # the first 0.1 m are not timed and the last meter is not driven
     assert first.time_s == pytest.approx((10.0 - 1.0 - 0.1) / 0.5, abs=0.5)
     assert first.length_m == pytest.approx(9.0, abs=0.1)
     assert first.score == pytest.approx(5.0 / first.time_s)

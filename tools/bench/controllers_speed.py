@@ -166,7 +166,7 @@ FOLLOWERS = {
 
 
 def curve(seed: int = 0) -> tuple[NavPath, list[ControlInput]]:
-    """A path, and inputs along its first metre."""
+    """A path, and inputs along its first meter."""
     rng = np.random.default_rng(seed)
     costmap = Costmap(GridGeometry(120, 120, 0.05, -2.0, -3.0), frame="odom")
     angles = np.arange(0.0, 2.0, 0.025)

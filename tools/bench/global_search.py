@@ -50,7 +50,7 @@ def scan_of(drive: dict[str, Any], laser: str, k: int) -> tuple[LaserScan, Trans
 
 
 def with_drift(odometry: NDArray[np.float64], rate: float) -> list[Transform2D]:
-    """The odometry with `rate` more rad of heading per metre."""
+    """The odometry with `rate` more rad of heading per meter."""
     before, now = Transform2D(*odometry[0].tolist()), Transform2D()
     result: list[Transform2D] = []
     for row in odometry.tolist():
@@ -144,7 +144,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--every", type=float, default=5.0, help="seconds between starts")
     parser.add_argument("--seconds", type=float, default=60.0, help="length of a start")
-    parser.add_argument("--drift", type=float, default=0.0, help="rad per metre")
+    parser.add_argument("--drift", type=float, default=0.0, help="rad per meter")
     parser.add_argument("--no-starts", action="store_true")
     options = parser.parse_args()
     search_times(options.repeats)

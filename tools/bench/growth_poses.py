@@ -3,7 +3,7 @@
     python tools/bench/growth_poses.py GOLDEN_FOLDER [--cells 17e6] [--headings 36 72 144]
 
 The map: the costmap of Willow Garage at 0.1 m, cut or tiled to a square, as in `growth.py`. Queries with Reeds-Shepp, a radius of
-0.4 m: `far` from one corner to the other, `near` over ten metres in the corner. Every row is measured in its own process, after
+0.4 m: `far` from one corner to the other, `near` over ten meters in the corner. Every row is measured in its own process, after
 queries around a wall on a small map, which load the kernels. Time: processor time of one plan of a new planner, and of a plan to
 the same goal from its tenth pose. Memory: growth of the peak resident set during the first plan, the costmap not counted; bytes
 per state: of its arrays of states, hash table and queue.

@@ -38,9 +38,9 @@ def small_images() -> tuple[bytes, ...]:
         _encoded(deep, "TIFF"),
         _encoded(Image.fromarray(pixels.astype(np.float32)), "TIFF"),
     ]
-    grey: Image.Image = Image.fromarray(pixels)
-    images += [_encoded(grey, kind) for kind in ("PPM", "BMP", "GIF", "TIFF", "JPEG", "TGA", "PCX", "WEBP")]
-    images += [_encoded(grey, "TIFF", compression=c) for c in ("tiff_lzw", "packbits", "tiff_adobe_deflate")]
+    gray: Image.Image = Image.fromarray(pixels)
+    images += [_encoded(gray, kind) for kind in ("PPM", "BMP", "GIF", "TIFF", "JPEG", "TGA", "PCX", "WEBP")]
+    images += [_encoded(gray, "TIFF", compression=c) for c in ("tiff_lzw", "packbits", "tiff_adobe_deflate")]
     images.append(b"P2\n# comment\n12 8\n255\n" + b" ".join(str(v).encode() for v in pixels.ravel()))
     images.append(b"P1\n12 8\n" + b" ".join(b"01"[v % 2 : v % 2 + 1] for v in pixels.ravel().tolist()))
     images.append(b'/* XPM */\nstatic char *a[] = {\n"2 1 2 1",\n"a c #000000",\n"b c #ffffff",\n"ab"};\n')

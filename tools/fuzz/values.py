@@ -180,7 +180,7 @@ def bounded(value: Any, times: int) -> int:
 
 
 def mutated_tree(value: Any, rng: random.Random, depth: int = 0) -> Any:
-    """Return the document with one node replaced, removed, renamed or exchanged with its neighbour; the rest is shared."""
+    """Return the document with one node replaced, removed, renamed or exchanged with its neighbor; the rest is shared."""
     if isinstance(value, dict) and value and rng.random() < 0.9:
         key = rng.choice(list(value))
         match rng.randrange(12) if depth else 11:

@@ -1,4 +1,4 @@
-"""`navstack bench barn`: ten metres through fields of cylinders, scored by the rule of the BARN Challenge."""
+"""`navstack bench barn`: ten meters through fields of cylinders, scored by the rule of the BARN Challenge."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from navstack.core import plain_kernel
 from navstack.global_planner._se2.heuristics import obstacle_cost
 from navstack.global_planner._se2.records import untouched_zeros
 from navstack.global_planner._se2.search import Pose
-from navstack.global_planner._se2.shape import Shape, centre_cost, near_obstacles, outline_blocked
+from navstack.global_planner._se2.shape import Shape, center_cost, near_obstacles, outline_blocked
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Whether any way for the footprint connects two cells, at whatever headings. Coordinates are in cells.
@@ -46,7 +46,7 @@ def part_of_cell(costs, bits, shape, p, cell, yaw, width):
 
 @plain_kernel
 def heading_in_cell(costs, bits, shape, p, cell, headings, first):
-    """Return (heading, checks): one at which the footprint may fit with its centre in a cell, -1 where it fits at none.
+    """Return (heading, checks): one at which the footprint may fit with its center in a cell, -1 where it fits at none.
 
     `shape`: `Shape.rows` of smaller footprints. Where that of level 0 is blocked at the middle of the cell and a heading, the
     footprint is blocked all over the cell and up to the headings beside it; where that of level 1 is, in a part of them; where
@@ -55,7 +55,7 @@ def heading_in_cell(costs, bits, shape, p, cell, headings, first):
     """
     nx = costs.shape[1]
     x, y = cell % nx + 0.5, cell // nx + 0.5
-    if centre_cost(costs, p, x, y) < 0:
+    if center_cost(costs, p, x, y) < 0:
         return -1, 0
     if p.corners == 0 or not near_obstacles(costs, bits, p, x - 0.5, y - 0.5, x + 0.5, y + 0.5):
         return first, 0
@@ -159,8 +159,8 @@ def smaller(shape: Shape) -> NDArray[np.float64]:
     rows = np.zeros((12, 2 * shape.rows.shape[1] + 8))
     corners = int(shape.rows[0, 0])
     whole = shapely.Polygon(shape.rows[6:8, :corners].T if corners > 0 else None)
-    padding, centre = float(shape.rows[1, 0]), shapely.Point(0.0, 0.0)
-    inside = whole.exterior.distance(centre) if whole.contains(centre) else 0.0
+    padding, center = float(shape.rows[1, 0]), shapely.Point(0.0, 0.0)
+    inside = whole.exterior.distance(center) if whole.contains(center) else 0.0
     turns = 0.25 * math.pi * np.arange(8)
     octagon = max(0.0, inside - WITHIN_CELL - padding) * np.column_stack((np.cos(turns), np.sin(turns)))
     for level, parts in enumerate((1, PARTS, 0)):

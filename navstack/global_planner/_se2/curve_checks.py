@@ -12,7 +12,7 @@ from navstack.global_planner._se2.heuristics import angle
 from navstack.global_planner._se2.shape import (
     PADDINGS,
     cell_weight,
-    centre_cost,
+    center_cost,
     motion_blocked,
     near_obstacles,
     outline_blocked,
@@ -35,7 +35,7 @@ RETRY = 2
 
 @plain_kernel
 def segment_cost(costs, p, kind, x, y, yaw, length, radius, limit):
-    """Return the cost of driving along a segment, infinite if the centre may not pass or the cost exceeds `limit`.
+    """Return the cost of driving along a segment, infinite if the center may not pass or the cost exceeds `limit`.
 
     Also returns the number of samples at its end that cost at least `expansion_cost`, and whether others do.
     """
@@ -49,7 +49,7 @@ def segment_cost(costs, p, kind, x, y, yaw, length, radius, limit):
     run, earlier = 0, False
     for k in range(count):
         px, py, _ = advance(kind, x, y, yaw, length * (k + 1) / count, radius)
-        cost = centre_cost(costs, p, px, py)
+        cost = center_cost(costs, p, px, py)
         if cost < 0:
             return np.inf, 0, False
         if cost > p.expansion_cost:
@@ -96,7 +96,7 @@ def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
         count = max(1, math.ceil(2.0 * abs(length)))
         for k in range(count):
             px, py, _ = advance(kind, x, y, yaw, length * (k + 1) / count, radius)
-            if centre_cost(costs, p, px, py) < 0:
+            if center_cost(costs, p, px, py) < 0:
                 return False
         return True
     pieces = max(1, math.ceil(abs(length) / 8.0))
@@ -221,7 +221,7 @@ def line_cost(costs, bits, shape, p, start, goal, limit):
         share = k / count
         px, py, yaw = start[0] + share * dx, start[1] + share * dy, start[2] + share * turn
         if k > 0:
-            cost = centre_cost(costs, p, px, py)
+            cost = center_cost(costs, p, px, py)
             if cost < 0:
                 return np.inf
             total += length / count * cell_weight(p, cost)
@@ -258,7 +258,7 @@ def sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s):
 @plain_kernel
 def turn_cost(costs, p, x, y, turn):
     """Return the cost of a turn in place by an angle (rad), infinite where the robot must not be."""
-    cost = centre_cost(costs, p, x, y)
+    cost = center_cost(costs, p, x, y)
     if cost < 0:
         return np.inf
     return p.rotation * (cell_weight(p, cost) + 1.0 - p.base_cost) * abs(turn) / p.turn_step
@@ -267,7 +267,7 @@ def turn_cost(costs, p, x, y, turn):
 @plain_kernel
 def turn_free(costs, bits, shape, p, x, y, yaw, turn):
     """Return True if the footprint is free all along a turn in place."""
-    if centre_cost(costs, p, x, y) < 0:
+    if center_cost(costs, p, x, y) < 0:
         return False
     if p.corners == 0 or not near_obstacles(costs, bits, p, x, y, x, y):
         return True
@@ -363,7 +363,7 @@ def mean_weight(costs, samples, p, primitive, x, y, c, s):
     k = primitive.first + count - 1
     while k >= primitive.first:
         sx, sy = samples[k, 0], samples[k, 1]
-        cost = centre_cost(costs, p, x + c * sx - s * sy, y + s * sx + c * sy)
+        cost = center_cost(costs, p, x + c * sx - s * sy, y + s * sx + c * sy)
         if cost < 0:
             return np.inf
         total += cell_weight(p, cost)
@@ -376,11 +376,11 @@ def mean_weight(costs, samples, p, primitive, x, y, c, s):
 def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
     """Return True if the robot may drive a primitive from (x, y), rotated by (c, s)."""
     ex, ey = x + c * primitive.dx - s * primitive.dy, y + s * primitive.dx + c * primitive.dy
-    # the centre of a polygon is looked at once per cell, where it is not checked itself
+    # the center of a polygon is looked at once per cell, where it is not checked itself
     step = 1 if p.corners == 0 else 3
     for k in range(primitive.first + primitive.count - 1, primitive.first - 1, -step):
         sx, sy = samples[k, 0], samples[k, 1]
-        if centre_cost(costs, p, x + c * sx - s * sy, y + s * sx + c * sy) < 0:
+        if center_cost(costs, p, x + c * sx - s * sy, y + s * sx + c * sy) < 0:
             return False
     if p.corners == 0:
         return True

@@ -71,7 +71,7 @@ class PosePlannerParams(ParamModel):
         "the search have a direction of travel, and curves are chosen by their cost instead of their length",
         unit="m",
         ge=0.0,
-        ros_differs="Nav2 has no such cost; with 0, as there, cars may be sent to and fro by a few centimetres",
+        ros_differs="Nav2 has no such cost; with 0, as there, cars may be sent to and fro by a few centimeters",
     )
     use_quadratic_cost_penalty: bool = param(False, "whether costs count squared")
     analytic_expansion_ratio: float = param(

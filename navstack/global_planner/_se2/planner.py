@@ -263,7 +263,7 @@ class PosePlanner(GlobalPlanner):
     ) -> Plan:
         """Plan between two poses in the frame of the costmap; the heading of a pose is that of the robot there.
 
-        A polygon is free wherever it is swept, and the round robot of `robot_radius` keeps its centre out of cells of cost 253
+        A polygon is free wherever it is swept, and the round robot of `robot_radius` keeps its center out of cells of cost 253
         and more. Raises StartOutsideMapError, GoalOutsideMapError, StartOccupiedError, GoalOccupiedError, NoValidPathError,
         PlanningTimeoutError, and InputError for a pose that is not finite.
         """

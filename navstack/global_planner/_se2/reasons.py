@@ -65,7 +65,7 @@ def goal_occupied(
     blocking = _blocking_cell(grid, goal, footprint)
     if cost == 254 or blocking is None:
         why = (
-            "the map is unknown there" if cost == UNKNOWN else f"its centre is in a cell of cost {describe_cost(cost)}"
+            "the map is unknown there" if cost == UNKNOWN else f"its center is in a cell of cost {describe_cost(cost)}"
         )
     else:
         x, y = grid.geometry.cell_to_world(*blocking)
@@ -110,7 +110,7 @@ def _ranges_text(headings: list[float]) -> str:
 
 
 def _blocking_cell(grid: Costmap, pose: Pose2D, footprint: Footprint | None) -> tuple[int, int] | None:
-    """The lethal cell under a footprint that is nearest to its centre."""
+    """The lethal cell under a footprint that is nearest to its center."""
     import shapely
 
     if footprint is None:
@@ -133,7 +133,7 @@ def _blocking_cell(grid: Costmap, pose: Pose2D, footprint: Footprint | None) -> 
 
 
 def no_connection(grid: Costmap, start: Pose2D, goal: Pose2D, allow_unknown: bool) -> PlanningError:
-    """The error for a goal that not even the centre of the robot can reach."""
+    """The error for a goal that not even the center of the robot can reach."""
     space = _space(grid, allow_unknown)
     cells = _cell(grid, start), _cell(grid, goal)
     search = BestFirst(_costs(allow_unknown))

@@ -26,7 +26,7 @@ from navstack.global_planner._se2.curve_checks import (
     sweep_free,
 )
 from navstack.global_planner._se2.heuristics import angle, apart, curve_distance, obstacle_cost
-from navstack.global_planner._se2.shape import cell_weight, centre_cost
+from navstack.global_planner._se2.shape import cell_weight, center_cost
 
 # pyright: basic
 
@@ -237,7 +237,7 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         if p.rotates == 0:
             # whole cells: no rounding error accumulates
             x, y = node.x + math.floor(x - node.x + 0.5), node.y + math.floor(y - node.y + 0.5)
-        cost = centre_cost(costs, p, x, y)
+        cost = center_cost(costs, p, x, y)
         if cost < 0:
             continue
         if p.rotates != 0:

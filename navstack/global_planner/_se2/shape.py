@@ -29,7 +29,7 @@ class Shape(NamedTuple):
     """A footprint in cells."""
 
     corners: int
-    """0 for a round robot: the costs of cells decide where its centre may be."""
+    """0 for a round robot: the costs of cells decide where its center may be."""
     rows: NDArray[np.float64]
     """(6 + 2 levels, k): number of corners and padding per level, four rows of scratch, then x and y of the corners per level.
 
@@ -238,8 +238,8 @@ def near_obstacles(costs, bits, p, left, low, right, high):
 
 
 @plain_kernel
-def centre_cost(costs, p, x, y):
-    """Return the cost of the cell of a point, or -1 if the robot's centre must not be in it."""
+def center_cost(costs, p, x, y):
+    """Return the cost of the cell of a point, or -1 if the robot's center must not be in it."""
     ny, nx = costs.shape
     if not (x >= 0.0 and y >= 0.0 and x < nx and y < ny):
         return -1
@@ -261,7 +261,7 @@ def cell_weight(p, cost):
 @plain_kernel
 def pose_free(costs, bits, shape, p, x, y, yaw):
     """Return True if the robot may be at a pose."""
-    if centre_cost(costs, p, x, y) < 0:
+    if center_cost(costs, p, x, y) < 0:
         return False
     if p.corners == 0:
         return True

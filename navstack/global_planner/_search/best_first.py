@@ -12,7 +12,7 @@ from navstack.core import Costmap, Window, kernel
 from navstack.global_planner._search.cells import Cell, CellCosts, union
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Best-first search over the 8 neighbours of the cells of a costmap (astar), and the parts it shares with any-angle searches.
+# Best-first search over the 8 neighbors of the cells of a costmap (astar), and the parts it shares with any-angle searches.
 #
 # Cells are numbered k = iy * nx + ix. The open list is a ring of buckets of width `delta` in f. A bucket is a stack (last in,
 # first out) whose entries come from one pool. An entry is skipped if its cell has been expanded since. A cell that becomes
@@ -39,7 +39,7 @@ SETTINGS = np.dtype(
         ("ny", np.int64),
         ("start", np.int64),
         ("goal", np.int64),
-        ("cut_corners", np.int64),  # 0: a diagonal step needs both orthogonal neighbours free, 1: one of them
+        ("cut_corners", np.int64),  # 0: a diagonal step needs both orthogonal neighbors free, 1: one of them
         ("max_expanded", np.int64),
         ("start_weight", np.float64),  # weight of the start cell, which may be blocked
         ("least", np.float64),  # the least weight
@@ -183,7 +183,7 @@ def search(cost, weights, heads, g, link, settings):
                 continue
             used, spare = push(pool, heads, max(level, np.int64(f / delta)) % ring, n, used, spare)
             waiting += 1
-    s.window[0], s.window[1] = max(0, x0 - 1), max(0, y0 - 1)  # the neighbours were read too
+    s.window[0], s.window[1] = max(0, x0 - 1), max(0, y0 - 1)  # the neighbors were read too
     s.window[2], s.window[3] = min(nx, x1 + 2), min(ny, y1 + 2)
     s.expanded = expanded
 
@@ -284,7 +284,7 @@ def _free_part(clear, a, i, j, steps, others, along, across):
 
 @kernel
 def line_cost(cost, weights, clear, s, ax, ay, bx, by, limit):
-    """Cost of the straight line between the centres of cells a and b: per cell, the length of the line in it times its weight.
+    """Cost of the straight line between the centers of cells a and b: per cell, the length of the line in it times its weight.
 
     Every cell the line touches counts (supercover). The cost is inf when one of them is blocked, when the line passes exactly
     through a corner and more than `cut_corners` of the two cells beside it are blocked, or as soon as it must exceed `limit`.
@@ -362,7 +362,7 @@ def _straight(dx, dy):
 def search_any_angle(cost, weights, clear, remaining, heads, g, link, settings):
     """Fill `g` and `link` until `goal` has its cost. The arguments are those of `search`, and `clear` and `remaining`.
 
-    A cell may also be entered in a straight line from the parent of its neighbour, if that is cheaper (Theta*). `g` float32;
+    A cell may also be entered in a straight line from the parent of its neighbor, if that is cheaper (Theta*). `g` float32;
     `link` int32, 1 + the number of the parent cell, negative while the cell is queued.
 
     `remaining` (n,) float32: least costs to the goal, 0 where unknown: in the cells that an 8-connected search from the goal
@@ -451,7 +451,7 @@ def search_any_angle(cost, weights, clear, remaining, heads, g, link, settings):
                 continue
             used, spare = push(pool, heads, max(level, np.int64(f / delta)) % ring, n, used, spare)
             waiting += 1
-    s.window[0], s.window[1] = max(0, x0 - 1), max(0, y0 - 1)  # the neighbours were read too
+    s.window[0], s.window[1] = max(0, x0 - 1), max(0, y0 - 1)  # the neighbors were read too
     s.window[2], s.window[3] = min(nx, x1 + 2), min(ny, y1 + 2)
     s.expanded = expanded
 
@@ -551,7 +551,7 @@ class BestFirst:
         return bool(self._settings["exhausted"][0])
 
     def octile(self, costmap: Costmap, start: Cell, goal: Cell, *, max_expanded: int = UNLIMITED) -> bool:
-        """Search over the 8 neighbours of each cell; return whether the goal was reached."""
+        """Search over the 8 neighbors of each cell; return whether the goal was reached."""
         self._prepare(costmap)
         self._is_any_angle = False
         reached = self._search(costmap, start, goal, max_expanded, math.inf)
@@ -639,7 +639,7 @@ class BestFirst:
         return out
 
     def nearest_reached(self, cell: Cell) -> Cell:
-        """The reached cell whose centre is nearest to that of `cell`; ties go to the first in row order."""
+        """The reached cell whose center is nearest to that of `cell`; ties go to the first in row order."""
         window = self.window
         ys, xs = np.nonzero(self._reached.reshape(self._shape)[window.slices])
         best = int(np.argmin((xs + (window.x0 - cell[0])) ** 2 + (ys + (window.y0 - cell[1])) ** 2))

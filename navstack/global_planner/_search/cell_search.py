@@ -1,4 +1,4 @@
-"""Planners whose path runs straight from cell centre to cell centre (astar, theta_star)."""
+"""Planners whose path runs straight from cell center to cell center (astar, theta_star)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class CellPlannerParams(SearchParams):
     )
     cut_corners: bool = param(
         False,
-        "whether a diagonal step needs only one free orthogonal neighbour instead of both; it never passes between two blocked "
+        "whether a diagonal step needs only one free orthogonal neighbor instead of both; it never passes between two blocked "
         "cells",
     )
     start_policy: StartPolicy = param(
@@ -63,7 +63,7 @@ class CellPlannerParams(SearchParams):
 
 
 class CellPath(NamedTuple):
-    """A path that runs straight between the centres of cells."""
+    """A path that runs straight between the centers of cells."""
 
     corners: NDArray[np.int64]
     """(n, 2) ix, iy."""
@@ -81,7 +81,7 @@ If it returns None, the BestFirst contains what was reached: all that is reachab
 
 
 def octile_expansion(search: BestFirst, query: Query, goal: Cell, max_expanded: int) -> CellPath | None:
-    """The expansion of A* over the 8 neighbours of each cell."""
+    """The expansion of A* over the 8 neighbors of each cell."""
     start = query.start_cell
     if not search.octile(query.space.costmap, start, goal, max_expanded=max_expanded):
         return None
@@ -130,17 +130,17 @@ class CellSearch(Search):
         return Route(goal, path.cost, points, path.expanded, potential, path.window)
 
     def _points(self, query: Query, goal: Pose2D, corners: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(n, 2) points (m), at most a cell apart: from the start, or after a lead from the first cell centre."""
+        """(n, 2) points (m), at most a cell apart: from the start, or after a lead from the first cell center."""
         g = query.space.costmap.geometry
-        centres = (corners + 0.5) * g.resolution + np.array([g.origin_x, g.origin_y])
+        centers = (corners + 0.5) * g.resolution + np.array([g.origin_x, g.origin_y])
         steps = np.abs(np.diff(corners, axis=0)).max(axis=1) if len(corners) > 1 else np.zeros(0, np.int64)
         has_lead = len(query.lead) > 0
-        # start and goal can be connected to the next centre directly: both cells beside a diagonal are free
+        # start and goal can be connected to the next center directly: both cells beside a diagonal are free
         direct = bool((steps <= 1).all()) and not self._cut_corners
-        parts = [centres[:1]] if has_lead else [np.array([query.start[:2]])]
-        if not (has_lead or direct or _is_at(centres[0], query.start)):
-            parts.append(centres[:1])
-        for a, b, n in zip(centres[:-1], centres[1:], steps.tolist(), strict=True):
+        parts = [centers[:1]] if has_lead else [np.array([query.start[:2]])]
+        if not (has_lead or direct or _is_at(centers[0], query.start)):
+            parts.append(centers[:1])
+        for a, b, n in zip(centers[:-1], centers[1:], steps.tolist(), strict=True):
             parts.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
         points = np.concatenate(parts).astype(np.float64, copy=False)
         has_inner = has_lead or len(points) > 1
@@ -152,10 +152,10 @@ def _is_at(point: NDArray[np.float64], pose: Pose2D) -> bool:
 
 
 class CellPlanner(SearchPlanner):
-    """A planner whose path runs straight from cell centre to cell centre.
+    """A planner whose path runs straight from cell center to cell center.
 
     The cost of a stretch is its length in cells times the weight of the cells it crosses, `neutral_cost + cost_factor *
-    cost`; a step to a neighbour is half in each. Cells of cost 253 and 254 are blocked; unknown cells weigh as much as cost
+    cost`; a step to a neighbor is half in each. Cells of cost 253 and 254 are blocked; unknown cells weigh as much as cost
     252, or are blocked. The outermost cells of the map are treated like all others. `Plan.cost` is the cost between the
     start and goal cells.
     """

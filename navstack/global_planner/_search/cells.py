@@ -16,7 +16,7 @@ Cell = tuple[int, int]
 
 
 def start_fronts(cell: Cell) -> list[Cell]:
-    """The four orthogonal neighbours of a cell, in the order in which navfn queues them."""
+    """The four orthogonal neighbors of a cell, in the order in which navfn queues them."""
     x, y = cell
     return [(x + 1, y), (x - 1, y), (x, y - 1), (x, y + 1)]
 
@@ -27,7 +27,7 @@ def cell_coordinates(geometry: GridGeometry, pose: Pose2D) -> tuple[float, float
 
 
 def position_in_cells(geometry: GridGeometry, pose: Pose2D) -> tuple[float, float]:
-    """Position of a pose in units of cells; cell centres are at whole numbers."""
+    """Position of a pose in units of cells; cell centers are at whole numbers."""
     x, y = cell_coordinates(geometry, pose)
     return x - 0.5, y - 0.5
 
@@ -49,7 +49,7 @@ NAVFN_NEUTRAL = 50
 _INVSQRT2 = 0.707106781  # navfn.h
 _MAX_STEP = 253  # navfn.h, COST_OBS - 1
 _MIN_GAIN = 0.004
-"""A quadratic potential exceeds the higher of the two neighbours it is entered over by at least 0.0046 of the cost."""
+"""A quadratic potential exceeds the higher of the two neighbors it is entered over by at least 0.0046 of the cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,9 +68,9 @@ class WaveCosts(CostInterpreter):
     steps: NDArray[np.float32]
     """(256,) potential it takes to enter a cell; finite for blocked cells too, because the start may be in one."""
     weights: NDArray[np.float32]
-    """(256,) `steps` over sqrt 2, the gain below which a neighbour is not queued; inf where blocked."""
+    """(256,) `steps` over sqrt 2, the gain below which a neighbor is not queued; inf where blocked."""
     quadratic: bool
-    """Whether the potential is that of a plane wave over two neighbours."""
+    """Whether the potential is that of a plane wave over two neighbors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,9 +96,9 @@ def wave_costs(
 
 @cache
 def order_independent(costs: WaveCosts) -> WaveCosts:
-    """The costs for a wave that queues every neighbour whose potential could still decrease.
+    """The costs for a wave that queues every neighbor whose potential could still decrease.
 
-    navfn queues a neighbour only if the lowered cell alone would lower it. A quadratic potential depends on two neighbours;
+    navfn queues a neighbor only if the lowered cell alone would lower it. A quadratic potential depends on two neighbors;
     the contribution of the other is missed, and how much that is depends on the order of the cells. With these costs the
     result does not depend on the order: it is the lowest potential of all.
     """
@@ -176,7 +176,7 @@ class SearchSpace(NamedTuple):
         return bool(self.costs.blocked[self.costmap.data[cell[1], cell[0]]])
 
     def nearest_free(self, cell: Cell) -> tuple[Cell, float] | None:
-        """The free cell whose centre is nearest to that of `cell`, and the distance (m); None if no cell is free."""
+        """The free cell whose center is nearest to that of `cell`, and the distance (m); None if no cell is free."""
         ix, iy = cell
         border = 1 if self.border_blocked else 0
         nx, ny = self.costmap.geometry.nx, self.costmap.geometry.ny

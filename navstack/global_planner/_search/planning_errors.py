@@ -89,13 +89,13 @@ def _gap(costmap: Costmap, ix: int, iy: int, along: NDArray[np.float64]) -> Gap 
     length = np.hypot(across[..., 0], across[..., 1])
     alike = length <= length.min() + _EQUAL
     far = across[alike].mean(axis=0)
-    centre = 0.5 * (other[None] + one[:, None])[alike].mean(axis=0)
-    if (np.hypot(*(seen - centre).T) < 0.5 * length.min() - _EQUAL).any():
+    center = 0.5 * (other[None] + one[:, None])[alike].mean(axis=0)
+    if (np.hypot(*(seen - center).T) < 0.5 * length.min() - _EQUAL).any():
         return None  # two bumps of one wall
     heading = math.atan2(-far[0], far[1])
     if math.cos(heading) * along[0] + math.sin(heading) * along[1] < 0.0:
         heading = math.remainder(heading + math.pi, 2.0 * math.pi)
-    middle = (centre + 0.5 + np.array([ix, iy])) * g.resolution
+    middle = (center + 0.5 + np.array([ix, iy])) * g.resolution
     width = max(0.0, float(length.min()) - 1.0) * g.resolution
     return Gap(float(middle[0]) + g.origin_x, float(middle[1]) + g.origin_y, width, heading)
 
@@ -117,7 +117,7 @@ class BlockedStretch:
     """A blocked stretch of the least blocked route."""
 
     x: float
-    """Its centre, or that of the gap (m)."""
+    """Its center, or that of the gap (m)."""
     y: float
     length_m: float
     """Length of the route that it blocks."""

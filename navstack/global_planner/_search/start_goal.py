@@ -34,7 +34,7 @@ class SearchStart(NamedTuple):
     space: SearchSpace
     """The given one, or a copy in which the cells under the footprint are free."""
     pose: Pose2D
-    """Start of the searched part of the path: the start pose, or the centre of the nearest free cell."""
+    """Start of the searched part of the path: the start pose, or the center of the nearest free cell."""
     cell: Cell
     lead: NDArray[np.float64]
     """(n, 2) points (m) from the start to `pose`, excluding `pose`, at most a cell apart; empty when both are the same."""
@@ -111,7 +111,7 @@ def _from_nearest_free(space: SearchSpace, start: Pose2D, cell: Cell) -> SearchS
 
 
 def _cells_under(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices (iy, ix) of the cells whose centre is under the footprint, and of the cell that contains the pose."""
+    """Indices (iy, ix) of the cells whose center is under the footprint, and of the cell that contains the pose."""
     import shapely
 
     g = costmap.geometry

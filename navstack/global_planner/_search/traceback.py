@@ -17,14 +17,14 @@ from navstack.global_planner._search.wavefront import Wavefront
 # ----------------------------------------------------------------------------------------------------------------------
 # From a potential to a path: gradient descent, or from cell to cell.
 #
-# Both descend to the root, where the potential is 0, and both always reach it: a cell with a potential has a 4-neighbour with a
-# lower one (the cell it was reached from), so a step to the lowest neighbour always makes progress, and gradient descent falls
+# Both descend to the root, where the potential is 0, and both always reach it: a cell with a potential has a 4-neighbor with a
+# lower one (the cell it was reached from), so a step to the lowest neighbor always makes progress, and gradient descent falls
 # back on such steps whenever it stops making progress.
 #
 # A path stays in cells that have a potential, between its points too; it touches other cells at most in a corner or along an
-# edge. A diagonal step from centre to centre may pass the corner of a cell without potential, as in C++, but never between two
+# edge. A diagonal step from center to center may pass the corner of a cell without potential, as in C++, but never between two
 # of them (requiring both to be free makes paths through cluttered maps 0.5 % more expensive than those of C++). A gradient
-# step stays within its cell and the 8 neighbours, which all have a potential. Other steps are checked.
+# step stays within its cell and the 8 neighbors, which all have a potential. Other steps are checked.
 
 
 # pyright: basic
@@ -74,8 +74,8 @@ def _interpolated(pot, k, nx, dx, dy):
 
 
 @kernel
-def _lowest_neighbour(pot, k, nx):
-    """The lowest of the 8 neighbours; k if none is lower. No step passes between two cells without potential."""
+def _lowest_neighbor(pot, k, nx):
+    """The lowest of the 8 neighbors; k if none is lower. No step passes between two cells without potential."""
     best = k
     low = pot[k]
     for dy in (-1, 0, 1):
@@ -89,7 +89,7 @@ def _lowest_neighbour(pot, k, nx):
 
 @kernel
 def _is_surrounded(pot, k, nx):
-    """True if the cell and its 8 neighbours all have a potential."""
+    """True if the cell and its 8 neighbors all have a potential."""
     for dy in (-nx, 0, nx):
         for n in range(k + dy - 1, k + dy + 2):
             if not pot[n] < HIGH:
@@ -99,7 +99,7 @@ def _is_surrounded(pot, k, nx):
 
 @kernel
 def _crosses(pot, k, nx, ax, ay, bx, by):
-    """True if the line between two points, in cells from the centre of k, crosses one of its 3 x 3 cells without potential.
+    """True if the line between two points, in cells from the center of k, crosses one of its 3 x 3 cells without potential.
 
     Touching a corner or an edge does not count. Both points are in these nine cells.
     """
@@ -140,7 +140,7 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
     Returns points (>= n, 2) in cells, and n.
 
     Ends with the root once the potential of the nearest cell is below `enough` or the root is within `near` cells. Beside a
-    cell without potential, or when two steps cancel, it moves to the lowest of the 8 neighbours instead (navfn calcPath,
+    cell without potential, or when two steps cancel, it moves to the lowest of the 8 neighbors instead (navfn calcPath,
     GradientPath). When `patience` points do not reach a lower cell it continues from the lowest one so far by such a step.
     n = 0 if the potential cannot be descended, which does not occur for a wavefront.
     """
@@ -186,8 +186,8 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
         stuck = n - lowest_n > patience
         if stuck and not down:
             k, n = lowest_k, lowest_n
-        cancelled = n > 2 and points[n - 1, 0] == points[n - 3, 0] and points[n - 1, 1] == points[n - 3, 1]
-        if not (stuck or cancelled or down) and _is_surrounded(pot, k, nx):
+        canceled = n > 2 and points[n - 1, 0] == points[n - 3, 0] and points[n - 1, 1] == points[n - 3, 1]
+        if not (stuck or canceled or down) and _is_surrounded(pot, k, nx):
             gx, gy = _interpolated(pot, k, nx, dx, dy)
             norm = np.float32(np.hypot(gx, gy))
             if norm > 0.0:
@@ -206,10 +206,10 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
                     k -= nx
                     dy += whole
                 continue
-        to = _lowest_neighbour(pot, k, nx)
+        to = _lowest_neighbor(pot, k, nx)
         if to == k:
             k, n = lowest_k, lowest_n
-            to = _lowest_neighbour(pot, k, nx)
+            to = _lowest_neighbor(pot, k, nx)
             if to == k:
                 ix, iy = k % nx, k // nx
                 if np.hypot(ix - root_x, iy - root_y) > 1.5:
@@ -229,7 +229,7 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
         ix, iy = k % nx, k // nx
         ax, ay = np.float64(points[n - 1, 0] - ix), np.float64(points[n - 1, 1] - iy)
         if _crosses(pot, k, nx, ax, ay, np.float64(to % nx - ix), np.float64(to // nx - iy)):
-            # first to the centre of the cell that contains the last point, then from cell to cell
+            # first to the center of the cell that contains the last point, then from cell to cell
             k += int(np.rint(ax)) + nx * int(np.rint(ay))
             down = True
         else:
@@ -239,8 +239,8 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
 
 
 @kernel
-def _cheapest_neighbour(pot, k, nx, cost, steps):
-    """The lower one of the 8 neighbours with the least sum of its potential and the cost of the step; k if none is lower."""
+def _cheapest_neighbor(pot, k, nx, cost, steps):
+    """The lower one of the 8 neighbors with the least sum of its potential and the cost of the step; k if none is lower."""
     best = k
     least = HIGH
     here = steps[cost[k]]
@@ -258,9 +258,9 @@ def _cheapest_neighbour(pot, k, nx, cost, steps):
 
 @kernel
 def grid_path(pot, nx, ny, k, x, y, cost, steps, cheapest):
-    """From the point (x, y) in cell k from centre to centre until no neighbour is lower: points (>= n, 2), and n.
+    """From the point (x, y) in cell k from center to center until no neighbor is lower: points (>= n, 2), and n.
 
-    To the lowest of the 8 neighbours (GridPath), or with `cheapest` to the one with the least sum of potential and step cost.
+    To the lowest of the 8 neighbors (GridPath), or with `cheapest` to the one with the least sum of potential and step cost.
     """
     points = np.empty((1024, 2), np.float32)
     points[0, 0] = x
@@ -270,14 +270,14 @@ def grid_path(pot, nx, ny, k, x, y, cost, steps, cheapest):
         ix, iy = k % nx, k // nx
         if ix < 1 or iy < 1 or ix > nx - 2 or iy > ny - 2:
             break
-        to = _cheapest_neighbour(pot, k, nx, cost, steps) if cheapest else _lowest_neighbour(pot, k, nx)
+        to = _cheapest_neighbor(pot, k, nx, cost, steps) if cheapest else _lowest_neighbor(pot, k, nx)
         if to == k:
             break
         if n + 2 > points.shape[0]:
             points = _doubled(points)
         tx, ty = to % nx, to // nx
         if n == 1 and _crosses(pot, k, nx, x - ix, y - iy, np.float64(tx - ix), np.float64(ty - iy)):
-            points[n, 0] = ix  # via the centre of the cell
+            points[n, 0] = ix  # via the center of the cell
             points[n, 1] = iy
             n += 1
         points[n, 0] = tx
@@ -295,7 +295,7 @@ _EPSILON: Final = 1e-9
 class Traceback(ABC):
     """Descends a potential from the goal to the start.
 
-    `offset`: position of the path's points in their cells, 0.5 for centres and 0 for corners.
+    `offset`: position of the path's points in their cells, 0.5 for centers and 0 for corners.
     """
 
     def __init__(self, offset: float) -> None:
@@ -303,7 +303,7 @@ class Traceback(ABC):
 
     @abstractmethod
     def cells(self, wave: Wavefront, query: WaveQuery, goal: Pose2D, cell: Cell) -> NDArray[np.float32]:
-        """(n, 2) points in cells, centres at whole numbers, from the goal, which is in `cell`, to the start."""
+        """(n, 2) points in cells, centers at whole numbers, from the goal, which is in `cell`, to the start."""
 
     def points(
         self, wave: Wavefront, query: WaveQuery, goal: Pose2D, cell: Cell, *, keep_loops: bool
@@ -379,7 +379,7 @@ class GradientTraceback(Traceback):
 class GridTraceback(Traceback):
     """global_planner: from cell to cell (GridPath).
 
-    `cheapest`: to the cheapest neighbour instead of the lowest one, for A*.
+    `cheapest`: to the cheapest neighbor instead of the lowest one, for A*.
     # ROS differs: C++ takes the lowest with A* too, but its A* gives cheaper grid paths than its Dijkstra.
     """
 
@@ -389,7 +389,7 @@ class GridTraceback(Traceback):
         self._cheapest = cheapest
 
     def cells(self, wave: Wavefront, query: WaveQuery, goal: Pose2D, cell: Cell) -> NDArray[np.float32]:
-        """(n, 2) points in cells from the goal to the centre of the start cell."""
+        """(n, 2) points in cells from the goal to the center of the start cell."""
         gx, gy = _position(goal, cell, query, at_cells=self._at_cells)
         k = cell[1] * wave.nx + cell[0]
         points, n = grid_path(wave.pot, wave.nx, wave.ny, k, gx, gy, wave.cost, wave.costs.steps, self._cheapest)
@@ -405,7 +405,7 @@ def _position(pose: Pose2D, cell: Cell, query: WaveQuery, *, at_cells: bool) -> 
 
 
 def without_loops(points: NDArray[np.float32], nx: int) -> NDArray[np.float32]:
-    """The path (n, 2), in cells with centres at whole numbers, without returns to a cell that it left before.
+    """The path (n, 2), in cells with centers at whole numbers, without returns to a cell that it left before.
 
     Gradient descent may oscillate in a narrow passage before it makes progress. Where the path returns to a cell, the points
     of the loop are removed and the path continues straight, within that cell. Most paths have no loop and are returned

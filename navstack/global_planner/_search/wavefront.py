@@ -22,8 +22,8 @@ from navstack.global_planner._search.cells import Cell, WaveCosts, start_fronts
 # cell is in a list, and always on the outermost ring, which is blocked.
 #
 # A list is processed in two passes. The first updates the potential of each cell in order and stores in `flags` which
-# neighbours to queue; the second turns the flags into lists. The result equals that of processing one cell after the other,
-# to the bit: which neighbours a cell queues depends on potentials only, and whether a neighbour is queued already depends only
+# neighbors to queue; the second turns the flags into lists. The result equals that of processing one cell after the other,
+# to the bit: which neighbors a cell queues depends on potentials only, and whether a neighbor is queued already depends only
 # on the cells before it. Two passes need two thirds of the time, because no load waits for a preceding store and no
 # branch is unpredictable.
 #
@@ -54,7 +54,7 @@ STATE = np.dtype(
         ("max_expanded", np.int64),
         ("stop", np.int64),  # cell that ends the propagation once it has a potential; -1: none
         ("guide_shift", np.int64),  # the guide has one value per square of 2**guide_shift cells
-        ("quadratic", np.int64),  # 1: plane wave over two neighbours, 0: from the lowest neighbour
+        ("quadratic", np.int64),  # 1: plane wave over two neighbors, 0: from the lowest neighbor
         ("threshold", np.float32),
         ("rise", np.float32),  # increment of the threshold
         ("last", np.float32),  # the propagation ends when the threshold exceeds it
@@ -167,7 +167,7 @@ def seed(cost, pot, pending, weights, state, current, cells, values, fronts):
 def _arrival(left, right, up, down, h, per_h, plane):
     """The potential at which the wave enters a cell of cost h: along one axis, or as a plane wave over two (navfn).
 
-    Equal to C++ to the bit: the last digit can decide whether a neighbour is queued, and then the potentials behind it
+    Equal to C++ to the bit: the last digit can decide whether a neighbor is queued, and then the potentials behind it
     differ by far more. `plane`: the difference below which it is a plane wave: h, or 0 for never. `per_h` = 1 / h in
     float64: the product, rounded to float32, is the correctly rounded quotient of the two float32 (a quotient is never
     closer than 2**-49 of itself to a rounding boundary; the product is off by 2**-52).
@@ -183,7 +183,7 @@ def _arrival(left, right, up, down, h, per_h, plane):
 
 @kernel
 def complete(cost, pot, steps, weights, state, x, y, reach):
-    """Compute the potential of unreached free cells within `reach` of (x, y) from their neighbours (clearEndpoint)."""
+    """Compute the potential of unreached free cells within `reach` of (x, y) from their neighbors (clearEndpoint)."""
     s = state[0]
     nx = s.nx
     x0, x1 = max(1, s.window[0] + 1, x - reach), min(nx - 1, s.window[2] - 1, x + reach + 1)
@@ -200,8 +200,8 @@ def complete(cost, pot, steps, weights, state, x, y, reach):
 
 
 @kernel
-def _neighbour_table(nx):
-    """By the lower 5 bits of a flag: the offsets (64, 4) of the neighbours to queue, and how many there are (64,).
+def _neighbor_table(nx):
+    """By the lower 5 bits of a flag: the offsets (64, 4) of the neighbors to queue, and how many there are (64,).
 
     Bits 0 to 3: left, right, up, down. Bit 4: the cell is below the threshold; without it, offsets include OVERFLOW.
     """
@@ -223,7 +223,7 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
     """Run the wavefront; a later call resumes where it stopped.
 
     `cost` (ny*nx,) uint8; `steps` (256,) float32: cost of entering a cell, by its byte; `weights` (256,) float32: `steps`
-    over sqrt(2), the gain below which a neighbour is not queued, inf where blocked; `state` (1,): see STATE. It ends when
+    over sqrt(2), the gain below which a neighbor is not queued, inf where blocked; `state` (1,): see STATE. It ends when
     the lists are empty, when the threshold exceeds `last`, after the list in which `max_expanded` potentials have been
     lowered, or when the cell `stop` has a potential.
 
@@ -258,7 +258,7 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
     for b in range(256):
         per_step[b] = 1.0 / np.float64(steps[b])
         planes[b] = steps[b] if s.quadratic else 0.0
-    offsets, counts = _neighbour_table(nx)
+    offsets, counts = _neighbor_table(nx)
     while n_current > 0 and threshold <= last and expanded < max_expanded:
         length = np.uint64(n_current)
         following = _with_capacity(following, 0, 4 * n_current + 4)
@@ -641,7 +641,7 @@ class Wavefront:
         self._fields["n_current"][0], self._fields["n_overflow"][0] = cells.size, 0
 
     def complete(self, cell: Cell, reach: int) -> None:
-        """Compute the potential of unreached free cells within `reach` cells of `cell` from their neighbours."""
+        """Compute the potential of unreached free cells within `reach` cells of `cell` from their neighbors."""
         costs = self.costs
         complete(self._cost, self._pot, costs.steps, costs.weights, self._state, *cell, reach)
 
@@ -662,7 +662,7 @@ class Wavefront:
         return out
 
     def nearest_reached(self, ix: int, iy: int) -> Cell:
-        """The reached cell whose centre is nearest to that of (ix, iy); ties go to the first in row order."""
+        """The reached cell whose center is nearest to that of (ix, iy); ties go to the first in row order."""
         window = self.window
         ys, xs = np.nonzero(self._pot.reshape(self.ny, self.nx)[window.slices] < UNREACHED)
         best = int(np.argmin((xs + (window.x0 - ix)) ** 2 + (ys + (window.y0 - iy)) ** 2))

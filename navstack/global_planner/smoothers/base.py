@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, InputError, Path, kernel, overlaps_lethal, place_footprint
-from navstack.global_planner._curves import centred
+from navstack.global_planner._curves import centered
 from navstack.plugins import ParamModel, Smoother, param
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -72,8 +72,8 @@ def relax(costs, grid, data, free, points, previous, weights, limits):
 
 
 @kernel
-def centre_blocked(costs, x, y):
-    """Return True if the robot's centre, in cells, is in an inscribed or lethal cell, or outside the grid."""
+def center_blocked(costs, x, y):
+    """Return True if the robot's center, in cells, is in an inscribed or lethal cell, or outside the grid."""
     ny, nx = costs.shape
     if not (x >= 0.0 and y >= 0.0 and x < nx and y < ny):
         return True
@@ -83,14 +83,14 @@ def centre_blocked(costs, x, y):
 
 @kernel
 def pose_collision(costs, grid, corners, placed, padding, pose):
-    """Return 2 if the centre at a pose (3,), or a point `padding` cells beside it, is blocked, 1 if the footprint is, else 0.
+    """Return 2 if the center at a pose (3,), or a point `padding` cells beside it, is blocked, 1 if the footprint is, else 0.
 
     `corners` (2, n): of the footprint (m), n = 0 for none. `placed` (2, n) is scratch.
     """
     x, y = (pose[0] - grid[0]) / grid[2], (pose[1] - grid[1]) / grid[2]
     for dx in (-padding, padding):
         for dy in (-padding, padding):
-            if centre_blocked(costs, x + dx, y + dy):
+            if center_blocked(costs, x + dx, y + dy):
                 return 2
     if corners.shape[1] == 0:
         return 0
@@ -122,7 +122,7 @@ def motion_collision(costs, grid, corners, padding, a, b):
     for j in range(corners.shape[1]):
         reach = max(reach, math.hypot(corners[0, j], corners[1, j]))
     dx, dy = b[0] - a[0], b[1] - a[1]
-    chord, turn = math.hypot(dx, dy), centred(b[2] - a[2])
+    chord, turn = math.hypot(dx, dy), centered(b[2] - a[2])
     bend = math.sin(0.5 * turn) if abs(turn) < 0.5 else 0.0
     # an arc of less than 0.5 rad is at most a tenth longer than its chord and stays within an eighth of it
     if is_empty(costs, grid, reach + 0.13 * chord, a, b):

@@ -82,7 +82,7 @@ def spline(t, k):
 
 @plain_kernel
 def cost_at(costs, settings, x, y):
-    """Return the cost at a point (m), cubic splines through the centres of cells, and its gradient per metre.
+    """Return the cost at a point (m), cubic splines through the centers of cells, and its gradient per meter.
 
     Outside the map, its border continues.
     """
@@ -268,7 +268,7 @@ class Problem:
     backward: NDArray[np.bool_]
     """(n,) points that are left backward."""
     checks: Array
-    """(k, 3) points of the robot at which the cost counts (x, y, share); none: its centre."""
+    """(k, 3) points of the robot at which the cost counts (x, y, share); none: its center."""
 
     @classmethod
     def of(
@@ -561,7 +561,7 @@ class ConstrainedSmootherParams(ParamModel):
         2.5, "length of the path around a change of direction in which that factor decreases to 1", unit="m", gt=0.0
     )
     cost_check_points: list[float] = param(
-        [], "points of the robot at which costs count, [x, y, weight, x, y, weight, ..]; none = its centre", unit="m"
+        [], "points of the robot at which costs count, [x, y, weight, x, y, weight, ..]; none = its center", unit="m"
     )
     path_downsampling_factor: int = param(1, "every n-th pose of the path is optimized", ge=1, le=1000)
     path_upsampling_factor: int = param(

@@ -89,7 +89,7 @@ class App {
     const set = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
     set('hint', this.tools.hint());
     const bar = this.camera.bar();
-    const [line, label] = $('scale').children, length = bar.metres >= 1 ? `${bar.metres} m` : `${Math.round(bar.metres * 100)} cm`;
+    const [line, label] = $('scale').children, length = bar.meters >= 1 ? `${bar.meters} m` : `${Math.round(bar.meters * 100)} cm`;
     line.style.width = `${bar.pixels}px`;
     if (label.textContent !== length) label.textContent = length;
     if (!side?.pose) return;

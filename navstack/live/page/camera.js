@@ -26,10 +26,10 @@ export class Camera {
 
   pan(du, dv) { this.x -= du / this.scale; this.y += dv / this.scale; }
 
-  /** Length for the scale bar: metres (1, 2 or 5 times a power of ten) and pixels. */
+  /** Length for the scale bar: meters (1, 2 or 5 times a power of ten) and pixels. */
   bar() {
     const wanted = 90 / this.scale, power = 10 ** Math.floor(Math.log10(wanted));
-    const metres = [5, 2, 1].map((k) => k * power).find((m) => m <= wanted) ?? power;
-    return { metres, pixels: metres * this.scale };
+    const meters = [5, 2, 1].map((k) => k * power).find((m) => m <= wanted) ?? power;
+    return { meters, pixels: meters * this.scale };
   }
 }

@@ -2,7 +2,7 @@
 const SPAN = 30;
 
 export class Chart {
-  /** `series`: [label, colour of the theme, column of a sample, dashed]. */
+  /** `series`: [label, color of the theme, column of a sample, dashed]. */
   constructor(canvas, theme, unit, series, picked) {
     Object.assign(this, { canvas, theme, unit, series });
     canvas.addEventListener('click', (event) => {

@@ -1,4 +1,4 @@
-// Colour tables of costmaps and scores; colours of the theme.
+// Color tables of costmaps and scores; colors of the theme.
 const rgba = (r, g, b, a = 255) => (a << 24 | b << 16 | g << 8 | r) >>> 0; // ImageData is little endian
 
 function table(graded, inscribed, lethal, unknown) {
@@ -10,7 +10,7 @@ function table(graded, inscribed, lethal, unknown) {
   return colors;
 }
 
-// control points of cividis (Nunez, Anderton, Renslow 2018), which looks alike to people with and without colour vision deficiency
+// control points of cividis (Nunez, Anderton, Renslow 2018), which looks alike to people with and without color vision deficiency
 const CIVIDIS = [[0, 34, 78], [53, 69, 108], [102, 105, 112], [148, 142, 119], [200, 184, 102], [254, 232, 56]];
 function along(points, u) {
   const at = Math.min(u * (points.length - 1), points.length - 1.0001);
@@ -24,7 +24,7 @@ export const COSTMAPS = {
   cividis: table((u) => along(CIVIDIS, u), [230, 97, 1], [20, 20, 20], [150, 150, 150]),
 };
 
-/** Best 0 .. worst 1 -> CSS colour. */
+/** Best 0 .. worst 1 -> CSS color. */
 export function score(u, scheme) {
   if (scheme === 'cividis') { const [r, g, b] = along(CIVIDIS, 1 - u); return `rgb(${r} ${g} ${b})`; }
   return `hsl(${Math.round(145 * (1 - u))} 85% 42%)`;
@@ -40,7 +40,7 @@ export function potentialTable() {
   return colors;
 }
 
-/** Colours of the style sheet, read again when the theme changes. */
+/** Colors of the style sheet, read again when the theme changes. */
 export class Theme {
   constructor(changed) {
     this.read();

@@ -1,4 +1,4 @@
-// A grid of bytes with an image that is coloured by a table.
+// A grid of bytes with an image that is colored by a table.
 export class Grid {
   constructor() { this.clear(); }
 

@@ -1,4 +1,4 @@
-// Which layers are shown, how opaque, and in which colours; kept in the browser.
+// Which layers are shown, how opaque, and in which colors; kept in the browser.
 import { el } from './dom.js';
 
 const LAYERS = [
@@ -47,9 +47,9 @@ export class Layers {
         oninput: (e) => { layer.opacity = Number(e.target.value); this.store(); } })));
     section.replaceChildren(
       el('h2', {}, 'Layers and opacity'), ...rows,
-      el('h2', {}, 'Colours of costs and scores'),
-      el('select', { id: 'scheme', 'aria-label': 'Colours of costs and scores', onchange: (e) => { this.scheme = e.target.value; this.store(); } },
+      el('h2', {}, 'Colors of costs and scores'),
+      el('select', { id: 'scheme', 'aria-label': 'Colors of costs and scores', onchange: (e) => { this.scheme = e.target.value; this.store(); } },
         el('option', { value: 'rviz', selected: this.scheme === 'rviz' }, 'As in RViz'),
-        el('option', { value: 'cividis', selected: this.scheme === 'cividis' }, 'For colour-blind people (cividis)')));
+        el('option', { value: 'cividis', selected: this.scheme === 'cividis' }, 'For color-blind people (cividis)')));
   }
 }

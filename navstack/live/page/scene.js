@@ -50,7 +50,7 @@ export class Scene {
     c.fillStyle = theme.mapOutside;
     c.fillRect(0, 0, camera.width, camera.height);
     if (!store.world) return;
-    // metres, y up
+    // meters, y up
     c.setTransform(ratio * camera.scale, 0, 0, -ratio * camera.scale, ratio * (camera.width / 2 - camera.x * camera.scale), ratio * (camera.height / 2 + camera.y * camera.scale));
     this.px = 1 / camera.scale;
     this.layer('map', () => this.drawMap());

@@ -12,7 +12,7 @@ from navstack.plugins import CRITICS, DistanceGrid, ParamModel, ScoringContext, 
 class AlignmentParams(PathParams):
     """Weight, as of the critic path, position of the nose, and the distance from the goal at which alignment is off."""
 
-    forward_point_distance: float = param(0.325, "distance of the nose from the robot's centre", unit="m")
+    forward_point_distance: float = param(0.325, "distance of the nose from the robot's center", unit="m")
     cheat_factor: float = param(
         1.0, "factor on the squared forward_point_distance within which alignment is off near the goal", ge=0.0
     )

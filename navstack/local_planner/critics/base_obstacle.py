@@ -1,5 +1,5 @@
 # pyright: basic
-"""Keeps the robot's centre off obstacles (BaseObstacleCritic of Nav2's dwb_critics; move_base scores the footprint)."""
+"""Keeps the robot's center off obstacles (BaseObstacleCritic of Nav2's dwb_critics; move_base scores the footprint)."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class BaseObstacleParams(ParamModel):
 
 @CRITICS.register("base_obstacle", aliases=("dwb_critics/BaseObstacleCritic", "BaseObstacle"))
 class BaseObstacleCritic(Critic[BaseObstacleParams]):
-    """Cost of the centre's cell; rejects a centre on inscribed, lethal or unknown cells. Fast, and exact for round robots."""
+    """Cost of the center's cell; rejects a center on inscribed, lethal or unknown cells. Fast, and exact for round robots."""
 
     Params: ClassVar[type[ParamModel]] = BaseObstacleParams
     CODES: ClassVar[dict[int, str]] = {
-        int(IN_COLLISION): "centre on an inscribed, lethal or unknown cell",
-        int(OFF_MAP): "centre off the map",
+        int(IN_COLLISION): "center on an inscribed, lethal or unknown cell",
+        int(OFF_MAP): "center off the map",
     }
 
     def __init__(self, name: str, params: BaseObstacleParams) -> None:
@@ -54,12 +54,12 @@ class BaseObstacleCritic(Critic[BaseObstacleParams]):
             self._out = np.empty(len(rollouts.counts))
         cells = shared_cells(self._context, rollouts)
         costs = self._context.costmap.data
-        centre_costs(costs, cells.flat, rollouts.counts, rollouts.alive, self.params.sum_scores, self._out)
+        center_costs(costs, cells.flat, rollouts.counts, rollouts.alive, self.params.sum_scores, self._out)
         return self._out
 
 
 @kernel
-def centre_costs(costs, cells, counts, alive, sum_scores, out):
+def center_costs(costs, cells, counts, alive, sum_scores, out):
     """BaseObstacleCritic of Nav2: cost at each rollout's last cell, or the sum over all its points.
 
     IN_COLLISION or OFF_MAP, whichever comes first.

@@ -14,7 +14,7 @@ class GoalParams(ParamModel):
     FROM_NAVSTACK = frozenset({"ros_distro"})
 
     goal_distance_bias: float = param(
-        0.8, "weight of the distance to the local goal, per metre (24 before 2018: see ros_distro)", ge=0.0
+        0.8, "weight of the distance to the local goal, per meter (24 before 2018: see ros_distro)", ge=0.0
     )
     ros_distro: RosDistro = param("noetic", "scoring scale of noetic, or of the releases before 2018")
 

@@ -13,7 +13,7 @@ from navstack.plugins import CRITICS, ParamModel, ScoringContext, param
 class GoalFrontParams(GoalParams):
     """Weight, as of the critic goal, and position of the nose."""
 
-    forward_point_distance: float = param(0.325, "distance of the nose from the robot's centre", unit="m")
+    forward_point_distance: float = param(0.325, "distance of the nose from the robot's center", unit="m")
 
 
 @CRITICS.register("goal_front")

@@ -225,7 +225,7 @@ def highest_around(costs, x0, y0, x1, y1, reach, rows, out):
     """Write an upper bound of the footprint's cost to `out` (ny, nx), for the cells x0 <= ix < x1, y0 <= iy < y1.
 
     The bound of a cell is the highest cost among all cells that a footprint can touch whose points are at most `reach` cells
-    from a centre anywhere in that cell: along each axis a point's cell is less than one cell away, and a cell of a rasterized
+    from a center anywhere in that cell: along each axis a point's cell is less than one cell away, and a cell of a rasterized
     edge at most half a cell more. Cells from which the footprint can leave the map get 255. `rows` (ny, nx) is scratch.
     """
     ny, nx = costs.shape

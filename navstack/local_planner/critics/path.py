@@ -14,7 +14,7 @@ class PathParams(ParamModel):
     FROM_NAVSTACK = frozenset({"ros_distro"})
 
     path_distance_bias: float = param(
-        0.6, "weight of the distance to the plan, per metre (32 before 2018: see ros_distro)", ge=0.0
+        0.6, "weight of the distance to the plan, per meter (32 before 2018: see ros_distro)", ge=0.0
     )
     ros_distro: RosDistro = param("noetic", "scoring scale of noetic, or of the releases before 2018")
 

@@ -39,5 +39,5 @@ class PreferForwardCritic(Critic[PreferForwardParams]):
         """(K,) from the commands alone."""
         p = self.params
         vx, turn = rollouts.commands[:, 0], np.abs(rollouts.commands[:, 2])
-        penalised = (vx < 0.0) | ((vx < p.strafe_x) & (turn < p.strafe_theta))
-        return np.where(penalised, p.penalty, turn * p.theta_scale)
+        penalized = (vx < 0.0) | ((vx < p.strafe_x) & (turn < p.strafe_theta))
+        return np.where(penalized, p.penalty, turn * p.theta_scale)

@@ -199,7 +199,7 @@ class TrajectoryContext(ScoringContext):
         self.furthest = -1
 
     def valid_poses(self) -> NDArray[np.bool_]:
-        """(n,) poses of the path whose cell is inside the costmap and free for the robot's centre."""
+        """(n,) poses of the path whose cell is inside the costmap and free for the robot's center."""
         valid = self.valid
         if valid is None:
             g, data = self.costmap.geometry, self.costmap.data

@@ -1,5 +1,5 @@
 # pyright: basic
-"""What a cost means for the robot's centre and its footprint, as tables for the kernels."""
+"""What a cost means for the robot's center and its footprint, as tables for the kernels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from navstack.plugins import Inflation, RejectionDetail
 f32 = np.float32
 
 FREE, COLLISION, CHECK = 0, 1, 2
-"""What a cost under the centre means: no collision, a collision, the footprint decides."""
+"""What a cost under the center means: no collision, a collision, the footprint decides."""
 
 
 @kernel
@@ -67,7 +67,7 @@ def cells_of(costs, place, x, y, out):
 def cells_near(costs, lowest, unknown_free, reach, out):
     """Write to `out` (ny, nx) where a footprint may touch a cell of at least the cost `lowest`, or leave the grid.
 
-    `reach`: cells between the centre and the farthest corner. A square around each such cell is marked: a superset.
+    `reach`: cells between the center and the farthest corner. A square around each such cell is marked: a superset.
     `unknown_free`: cost 255 does not count.
     """
     ny, nx = costs.shape
@@ -106,7 +106,7 @@ def batch_costs(costs, near, place, corners, points, step, values, meaning, unkn
     """Write the sum of `values` of the costs under every `step`-th point to `out` (K,), and which trajectories collide.
 
     `place` (1,): origin of the grid relative to the points' anchor, and resolution (m). `values` (2, 256): what a cost under the
-    centre adds, and a cost of the footprint where `meaning` (256,) says CHECK. A trajectory that collides adds nothing more.
+    center adds, and a cost of the footprint where `meaning` (256,) says CHECK. A trajectory that collides adds nothing more.
     `unknown_free`: cost 255 under the footprint is no collision. `near` (ny, nx), or (0, 0) for everywhere: cells in which the
     footprint is checked; in the others its cost counts as 0.
     """
@@ -176,7 +176,7 @@ def first_collision(costs, near, place, corners, points, row, step, meaning, unk
 
 INSCRIBED, LETHAL, UNKNOWN = 253, 254, 255
 EVERYWHERE = np.empty((0, 0), np.bool_)
-"""Of `CollisionTest.near`: the footprint is checked wherever the centre's cost says CHECK."""
+"""Of `CollisionTest.near`: the footprint is checked wherever the center's cost says CHECK."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,7 +185,7 @@ class CollisionTest:
 
     context: TrajectoryContext
     meaning: NDArray[np.uint8]
-    """(256,) FREE, COLLISION or CHECK for a cost under the robot's centre."""
+    """(256,) FREE, COLLISION or CHECK for a cost under the robot's center."""
     corners: NDArray[np.float64]
     """(2, n) of the footprint (m)."""
     near: NDArray[np.bool_]
@@ -193,9 +193,9 @@ class CollisionTest:
 
     @classmethod
     def of(cls, context: TrajectoryContext, *, consider_footprint: bool) -> CollisionTest:
-        """By the centre's cost, or by the footprint wherever the centre's cost does not exclude a collision.
+        """By the center's cost, or by the footprint wherever the center's cost does not exclude a collision.
 
-        ROS differs: without inflation the cost of the centre says nothing, and the footprint is checked wherever it may touch
+        ROS differs: without inflation the cost of the center says nothing, and the footprint is checked wherever it may touch
         an obstacle.
         """
         near = EVERYWHERE
@@ -312,7 +312,7 @@ def decayed_cost(inflation: Inflation, distance: float) -> int:
 
 
 def table(values: NDArray[Any] | None = None, footprint: NDArray[Any] | None = None) -> Floats:
-    """(2, 256) for `CollisionTest.scores`: what the centre's cost adds; what the footprint's adds, or -1: the centre's."""
+    """(2, 256) for `CollisionTest.scores`: what the center's cost adds; what the footprint's adds, or -1: the center's."""
     out = np.full((2, 256), -1.0, np.float32)
     out[0] = 0.0 if values is None else values
     if footprint is not None:

@@ -85,7 +85,7 @@ class TrajectoryValidatorParams(PluginSection):
 
     plugin: str = param(VALIDATOR, "type of the validator")
     collision_lookahead_time: float = param(2.0, "this much of the trajectory is checked", unit="s", ge=0.0)
-    consider_footprint: bool = param(False, "check the footprint; otherwise the cost of the centre's cell")
+    consider_footprint: bool = param(False, "check the footprint; otherwise the cost of the center's cell")
 
     @field_validator("plugin")
     @classmethod
@@ -289,6 +289,6 @@ class MPPIParams(PathFollowerParams):
                 message = (
                     f"consider_footprint of {name} is false, so the robot counts as a disc of "
                     f"{footprint.inscribed_radius:.3g} m, but its corners are {footprint.circumscribed_radius:.3g} m from its "
-                    "centre; set it to true"
+                    "center; set it to true"
                 )
                 yield Issue("warning", "footprint-ignored", (f"{name}/consider_footprint",), message, "true")

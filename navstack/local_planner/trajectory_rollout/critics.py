@@ -24,19 +24,19 @@ NOT_VISIBLE = sys.float_info.max
 
 
 class PathDistanceCritic(MapGridCritic[None]):
-    """Distance to the plan, in cells or metres; cells under the robot count as free."""
+    """Distance to the plan, in cells or meters; cells under the robot count as free."""
 
     CODES: ClassVar[dict[int, str]] = CENTER_CODES
 
-    def __init__(self, bias: float, per_metre: bool) -> None:
+    def __init__(self, bias: float, per_meter: bool) -> None:
         super().__init__("path", None)
         self._bias = bias
-        self._per_metre = per_metre
+        self._per_meter = per_meter
         self._scratch = np.empty((2, 0), np.int64)
 
     def weight(self, context: ScoringContext) -> float:
-        """The bias, per cell or per metre."""
-        return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
+        """The bias, per cell or per meter."""
+        return self._bias * (context.costmap.geometry.resolution if self._per_meter else 1.0)
 
     def build(self, context: ScoringContext) -> MapGrid:
         """Distances to the plan."""
@@ -50,16 +50,16 @@ class PathDistanceCritic(MapGridCritic[None]):
 
 
 class GoalDistanceCritic(GoalCritic):
-    """Distance to the local goal, in cells or metres."""
+    """Distance to the local goal, in cells or meters."""
 
-    def __init__(self, bias: float, per_metre: bool) -> None:
+    def __init__(self, bias: float, per_meter: bool) -> None:
         super().__init__("goal", GoalParams())
         self._bias = bias
-        self._per_metre = per_metre
+        self._per_meter = per_meter
 
     def weight(self, context: ScoringContext) -> float:
-        """The bias, per cell or per metre."""
-        return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
+        """The bias, per cell or per meter."""
+        return self._bias * (context.costmap.geometry.resolution if self._per_meter else 1.0)
 
 
 class SimpleAttractorCritic(Critic[None]):
@@ -89,13 +89,13 @@ class SimpleAttractorCritic(Critic[None]):
 class UnscaledObstacleCritic(ObstacleCritic):
     """Highest cost under a footprint that does not grow with speed."""
 
-    def __init__(self, weight: float, per_metre: bool) -> None:
+    def __init__(self, weight: float, per_meter: bool) -> None:
         super().__init__("obstacle", ObstacleParams(occdist_scale=weight, scaling_speed=1e9))
-        self._per_metre = per_metre
+        self._per_meter = per_meter
 
     def weight(self, context: ScoringContext) -> float:
         """The weight, times the resolution before 2018 with meter_scoring."""
-        return self.params.occdist_scale * (context.costmap.geometry.resolution if self._per_metre else 1.0)
+        return self.params.occdist_scale * (context.costmap.geometry.resolution if self._per_meter else 1.0)
 
 
 class HeadingCritic(Critic[None]):

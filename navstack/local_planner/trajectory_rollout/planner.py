@@ -133,7 +133,7 @@ class TrajectoryPlannerParams(ParamModel):
     occdist_scale: float = param(0.01, "weight of the obstacle cost", ge=0.0, le=5.0)
     meter_scoring: bool = param(
         False,
-        "measure distances in metres instead of cells",
+        "measure distances in meters instead of cells",
         ros_differs="if unset, it is an uninitialized bool there; here it is false",
     )
     heading_lookahead: float = param(
@@ -416,10 +416,10 @@ class TrajectoryPlanner(SamplingPlanner):
 
     def __init__(self, params: TrajectoryPlannerParams) -> None:
         p = params
-        per_metre = p.meter_scoring
-        obstacle = UnscaledObstacleCritic(p.occdist_scale, per_metre and p.ros_distro == "indigo")
-        path = PathDistanceCritic(p.path_distance_bias, per_metre)
-        self._goal_distance = GoalDistanceCritic(p.goal_distance_bias, per_metre)
+        per_meter = p.meter_scoring
+        obstacle = UnscaledObstacleCritic(p.occdist_scale, per_meter and p.ros_distro == "indigo")
+        path = PathDistanceCritic(p.path_distance_bias, per_meter)
+        self._goal_distance = GoalDistanceCritic(p.goal_distance_bias, per_meter)
         critics: list[Critic] = [obstacle]
         order = (1, 2, 0)  # C++ adds path, goal, obstacle
         if p.simple_attractor:
@@ -685,7 +685,7 @@ def _lowest_legal(table: ScoreTable, number: int) -> int:
 
 @kernel
 def distances_ahead(grid, storage, poses, counts, first, ahead, out):
-    """Write the grid's value `ahead` metres in front of the last point of each rollout from `first` on to `out`; -1 off the map.
+    """Write the grid's value `ahead` meters in front of the last point of each rollout from `first` on to `out`; -1 off the map.
 
     `grid`, `storage`: see `start_wavefront`.
     """

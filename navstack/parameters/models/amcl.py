@@ -148,7 +148,7 @@ class AmclParams(ParamModel):
     random_seed: int = param(-1, "seed of the particles; negative: that of the run", le=0xFFFFFFFF)
     learn_odometry: bool = param(
         True,
-        "each particle also estimates the turn error of the odometry per metre, as unequal wheels cause it; not in amcl",
+        "each particle also estimates the turn error of the odometry per meter, as unequal wheels cause it; not in amcl",
     )
     ros_defects: list[Defect] = param([], "defects of noetic's amcl to reproduce, see the parity page; not in amcl")
 

@@ -38,7 +38,7 @@ def parse_points(name: str, value: Points | None, least: int = MIN_VERTICES) -> 
     if not good:
         shown = repr(value)
         shown = shown if len(shown) <= 60 else shown[:59] + "…"
-        raise ValueError(f'{name} = {shown} is not a polygon; write "[[x, y], [x, y], ..]" in metres')
+        raise ValueError(f'{name} = {shown} is not a polygon; write "[[x, y], [x, y], ..]" in meters')
     corners = tuple((float(x), float(y)) for x, y in pairs)
     if len(corners) < least:
         raise ValueError(f"{name} has {len(corners)} corners; give at least {least}")
@@ -79,7 +79,7 @@ class SubPolygonParams(ParamModel):
     @model_validator(mode="after")
     def _check(self) -> SubPolygonParams:
         if not self.corners:
-            raise ValueError('points is missing; write "[[x, y], [x, y], ..]" in metres')
+            raise ValueError('points is missing; write "[[x, y], [x, y], ..]" in meters')
         for low, high in (("linear_min", "linear_max"), ("theta_min", "theta_max")):
             if getattr(self, low) > getattr(self, high):
                 raise ValueError(f"{low} is above {high}, so the polygon is never used; swap them")

@@ -169,7 +169,7 @@ class CostmapParams(ParamModel):
     """Parameters of a costmap; each of its layers has its own namespace below."""
 
     global_frame: str = param("map", "frame of the costmap")
-    robot_base_frame: str = param("base_link", "frame of the robot's centre")
+    robot_base_frame: str = param("base_link", "frame of the robot's center")
     rolling_window: bool = param(False, "the costmap is a window that follows the robot")
     track_unknown_space: bool = param(False, "unobserved cells are unknown (255) instead of free (0)")
     always_send_full_costmap: bool = param(False, "publish the whole grid instead of the part that changed")

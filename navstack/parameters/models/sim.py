@@ -22,8 +22,8 @@ class BodyParams(ParamModel):
     kinematics: Literal["differential", "holonomic", "ackermann", "tricycle"] = param(
         "differential",
         "differential: no sideways motion; holonomic: motion in every direction; ackermann: a car, driven at its rear axle, "
-        "which is its centre: the yaw rate of a command sets the steering angle, and it cannot turn in place; tricycle: "
-        "steered and driven at its single front wheel, its centre on the rear axle",
+        "which is its center: the yaw rate of a command sets the steering angle, and it cannot turn in place; tricycle: "
+        "steered and driven at its single front wheel, its center on the rear axle",
     )
     physics_frequency: float = param(
         50.0, "frequency of the simulation steps of the body", unit="Hz", gt=0.0, le=10_000.0
@@ -49,7 +49,7 @@ class BodyParams(ParamModel):
     )
     max_steering_angle: float = param(
         0.6,
-        "ackermann, tricycle: maximum angle of the (centre) front wheel, in both directions; a tricycle whose wheel turns by "
+        "ackermann, tricycle: maximum angle of the (center) front wheel, in both directions; a tricycle whose wheel turns by "
         "pi / 2 can turn in place",
         unit="rad",
         gt=0.0,
@@ -66,7 +66,7 @@ class BodyParams(ParamModel):
     )
     min_turning_radius: float = param(
         0.0,
-        "ackermann, tricycle: minimum turning radius of the rear axle's centre, if larger than wheelbase / "
+        "ackermann, tricycle: minimum turning radius of the rear axle's center, if larger than wheelbase / "
         "tan(max_steering_angle)",
         unit="m",
         ge=0.0,
@@ -175,7 +175,7 @@ class WheelParams(ParamModel):
         return {"none": 0, "differential": 2, "omni": len(self.angles), "mecanum": 4}[self.drive]
 
     @property
-    def metres_per_tick(self) -> float:
+    def meters_per_tick(self) -> float:
         """Way of the rim per count of the encoder (m); 0 for continuous encoders."""
         ticks = self.ticks_per_revolution
         return 0.0 if ticks is None else 2.0 * math.pi * self.radius / ticks
@@ -200,9 +200,9 @@ class LidarParams(ParamModel):
 
     topic: str = param("scan", "topic of its scans, as named by an observation source")
     frame: str = param("base_laser_link", "frame of its scans; a child of the base frame")
-    x: float = param(0.1, "mounting position ahead of the robot's centre", unit="m")
-    y: float = param(0.0, "mounting position to the left of the robot's centre", unit="m")
-    yaw: float = param(0.0, "mounting direction of the centre beam", unit="rad")
+    x: float = param(0.1, "mounting position ahead of the robot's center", unit="m")
+    y: float = param(0.0, "mounting position to the left of the robot's center", unit="m")
+    yaw: float = param(0.0, "mounting direction of the center beam", unit="rad")
     height: float = param(0.3, "height above the ground", unit="m", ge=0.0)
     beams: int = param(640, "beams per scan", ge=1, le=100_000)
     fov: float = param(
@@ -247,7 +247,7 @@ class LidarParams(ParamModel):
 class BumperParams(ParamModel):
     """Bumpers around the body, published as points at the pressed zones. The defaults are the Kobuki's.
 
-    The zones are those of its simulator (kobuki_gazebo): left, centre, right, none at the rear. kobuki_bumper2pc places a
+    The zones are those of its simulator (kobuki_gazebo): left, center, right, none at the rear. kobuki_bumper2pc places a
     point in front of each pressed zone, at 0.25 m for a body of 0.1755 m, so that the marked cell is not cleared with the
     footprint. A last cloud without near points signals the release.
     """
@@ -255,7 +255,7 @@ class BumperParams(ParamModel):
     topic: str = param(
         "mobile_base/sensors/bumper_pointcloud", "topic of its clouds, as named by an observation source"
     )
-    frame: str = param("bumper_link", "frame of its points, at the robot's centre; a child of the base frame")
+    frame: str = param("bumper_link", "frame of its points, at the robot's center; a child of the base frame")
     zones: list[list[float]] = param(
         [[0.5236, 1.5708], [-0.5236, 0.5236], [-1.5708, -0.5236]],
         "[from, to] of each sensitive sector, counter-clockwise from straight ahead",
@@ -270,7 +270,7 @@ class BumperParams(ParamModel):
         ge=0.0,
     )
     point: Literal["contact", "zone"] = param(
-        "contact", "contact: the point is at the contact; zone: at the centre of the zone, as on a Kobuki"
+        "contact", "contact: the point is at the contact; zone: at the center of the zone, as on a Kobuki"
     )
     frequency: float = param(50.0, "frequency of clouds while a zone is pressed; none otherwise", unit="Hz", gt=0.0)
 
@@ -290,8 +290,8 @@ class SonarParams(ParamModel):
 
     topic: str = param("sonar", "topic of its readings, as named by the range sensor layer")
     frame: str = param("sonar_link", "frame of its readings; a child of the base frame, unique to each sonar")
-    x: float = param(0.1, "mounting position ahead of the robot's centre", unit="m")
-    y: float = param(0.0, "mounting position to the left of the robot's centre", unit="m")
+    x: float = param(0.1, "mounting position ahead of the robot's center", unit="m")
+    y: float = param(0.0, "mounting position to the left of the robot's center", unit="m")
     yaw: float = param(0.0, "mounting direction of the axis of the cone", unit="rad")
     height: float = param(0.2, "height above the ground", unit="m", ge=0.0)
     fov: float = param(0.5, "opening angle of the cone", unit="rad", gt=0.0, le=3.14159)
@@ -319,8 +319,8 @@ class ImuParams(ParamModel):
 
     topic: str = param("imu", "topic of its readings")
     frame: str = param("imu_link", "frame of its readings; a child of the base frame")
-    x: float = param(0.0, "mounting position ahead of the robot's centre", unit="m")
-    y: float = param(0.0, "mounting position to the left of the robot's centre", unit="m")
+    x: float = param(0.0, "mounting position ahead of the robot's center", unit="m")
+    y: float = param(0.0, "mounting position to the left of the robot's center", unit="m")
     yaw: float = param(0.0, "mounting direction", unit="rad")
     frequency: float = param(50.0, "frequency of readings, at most one per physics step", unit="Hz", gt=0.0)
     orientation_noise: float = param(0.0, "standard deviation of the yaw, independent per reading", unit="rad", ge=0.0)
@@ -363,7 +363,7 @@ class SimParams(BodyParams):
     )
     wheel_slip_turn: float = param(
         0.0,
-        "standard deviation of the heading error that slip adds over one metre of driving; it grows with the square root of "
+        "standard deviation of the heading error that slip adds over one meter of driving; it grows with the square root of "
         "the distance",
         unit="rad/√m",
         ge=0.0,
@@ -371,20 +371,20 @@ class SimParams(BodyParams):
     )
     odometry_noise_turn: float = param(
         0.0,
-        "standard deviation of the heading error of the odometry over one metre of driving",
+        "standard deviation of the heading error of the odometry over one meter of driving",
         unit="rad/√m",
         ge=0.0,
         le=ODOMETRY_LIMIT,
     )
     odometry_scale: float = param(
         0.0,
-        "systematic relative error of the odometry: 0.01 reports 1.01 m for every metre, as worn wheels do",
+        "systematic relative error of the odometry: 0.01 reports 1.01 m for every meter, as worn wheels do",
         ge=-ODOMETRY_LIMIT,
         le=ODOMETRY_LIMIT,
     )
     odometry_turn: float = param(
         0.0,
-        "systematic error of the odometry: heading error to the left per metre, as with unequal wheels",
+        "systematic error of the odometry: heading error to the left per meter, as with unequal wheels",
         unit="rad/m",
         ge=-ODOMETRY_LIMIT,
         le=ODOMETRY_LIMIT,

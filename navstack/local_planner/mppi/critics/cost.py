@@ -18,12 +18,12 @@ class CostCriticParams(TrajectoryCriticParams):
     cost_weight: float = param(3.81, "weight of the score", ge=0.0)
     consider_footprint: bool = param(
         False,
-        "check the footprint where the centre's cost does not exclude a collision; otherwise the robot counts as round",
+        "check the footprint where the center's cost does not exclude a collision; otherwise the robot counts as round",
         ros_differs="a local costmap without inflation layer: the footprint is always checked, everywhere",
     )
     collision_cost: float = param(1000000.0, "score of a trajectory that collides", ge=0.0)
     critical_cost: float = param(300.0, "score of a point of at least near_collision_cost", ge=0.0)
-    near_collision_cost: int = param(253, "cost of the centre's cell that counts as critical", ge=1, le=255)
+    near_collision_cost: int = param(253, "cost of the center's cell that counts as critical", ge=1, le=255)
     near_goal_distance: float = param(
         0.5, "costs below near_collision_cost do not count while less than this is left of the path", unit="m", ge=0.0
     )
@@ -33,7 +33,7 @@ class CostCriticParams(TrajectoryCriticParams):
 
 @CRITICS.register("CostCritic", aliases=("mppi/critics/CostCritic",))
 class CostCritic(TrajectoryCritic):
-    """Mean cost under the centre in units of a lethal cell; `collision_cost` for a collision."""
+    """Mean cost under the center in units of a lethal cell; `collision_cost` for a collision."""
 
     Params: ClassVar[type[ParamModel]] = CostCriticParams
 

@@ -17,7 +17,7 @@ class ObstaclesCriticParams(TrajectoryCriticParams):
 
     consider_footprint: bool = param(
         False,
-        "check the footprint where the centre's cost does not exclude a collision; otherwise the robot counts as round",
+        "check the footprint where the center's cost does not exclude a collision; otherwise the robot counts as round",
         ros_differs="a local costmap without inflation layer: the footprint is always checked, everywhere",
     )
     repulsion_weight: float = param(1.5, "weight of the distance to obstacles within the inflation radius", ge=0.0)
@@ -52,7 +52,7 @@ class ObstaclesCritic(TrajectoryCritic):
         if context.inflation is not None and context.inflation.cost_scaling_factor > 0.0:
             inflation = context.inflation
             costs = np.arange(1.0, 256.0)
-            # from the footprint's edge; from the centre the inscribed radius is part of the distance
+            # from the footprint's edge; from the center the inscribed radius is part of the distance
             beyond = np.log(253.0 / costs) / inflation.cost_scaling_factor
             edge = beyond + inflation.inscribed_radius
             for row, distance in ((0, beyond), (1, edge)):
