@@ -119,8 +119,8 @@ def load_robot(robot: Robot = DEFAULT_ROBOT, *, strict: bool = False, **sections
             raise InputError("sections change a robot that is loaded here; give its name or files", argument="sections")
         return robot
     sources = _sources(robot)
-    given_values: Mapping[str, Any] = sections
-    for name, values in given_values.items():
+    for name in sections:
+        values: Any = sections[name]
         if not isinstance(values, Mapping):
             raise InputError(f"{name}={values!r} is not a dictionary of parameters", argument=name)
     configuration = parameters.load_configuration([*sources, dict(sections)] if sections else sources)
