@@ -135,3 +135,9 @@ def test_without_its_package_the_name_is_unknown(tmp_path: Path) -> None:
     out = subprocess.run([*command, *parameters("forbidden_disc_layer")], capture_output=True, text=True, cwd=tmp_path)
     assert out.returncode == 2
     assert 'unknown costmap layer "forbidden_disc"' in " ".join(out.stderr.split())
+
+
+@pytest.mark.parametrize("script", sorted(EXAMPLES.glob("[0-9]*.py")), ids=lambda path: path.stem)
+def test_numbered_scripts_run_as_they_stand(script: Path, tmp_path: Path) -> None:
+    assert len(script.read_text(encoding="utf-8").splitlines()) <= 30
+    assert run([sys.executable, "-W", "error", str(script)], tmp_path).stdout
