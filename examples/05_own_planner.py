@@ -18,7 +18,7 @@ class Straight(GlobalPlanner[StraightParams]):
 
     Params = StraightParams
 
-    def make_plan(self, costmap, start, goal, *, footprint=None, keep_potential=False) -> Plan:  # noqa: D102
+    def make_plan(self, costmap, start, goal, *, footprint=None, keep_potential=False) -> Plan:
         count = max(2, int(np.hypot(goal.x - start.x, goal.y - start.y) / self.params.spacing))
         points = np.linspace(start[:2], goal[:2], count)
         for x, y in points:
