@@ -80,5 +80,5 @@ if TYPE_CHECKING:
 else:
     from navstack._lazy import lazy_face
 
-    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)
+    __getattr__, __dir__, __all__ = lazy_face(__name__)
     __all__.append("__version__")

@@ -9,20 +9,21 @@ from __future__ import annotations
 
 import ast
 import importlib
+import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 
-def lazy_face(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def lazy_face(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package.
 
     Args:
-        package: its name, such as `navstack.core`.
-        file: its `__init__.py`, with `from module import name as name` below `if TYPE_CHECKING`.
+        package: its name, such as `navstack.core`. Its `__init__.py` has `from module import name as name` below
+            `if TYPE_CHECKING`.
     """
     where: dict[str, tuple[str, str]] = {}
-    for statement in ast.parse(Path(file).read_bytes()).body:
+    loader: Any = sys.modules[package].__loader__  # not a path: an archive has none
+    for statement in ast.parse(loader.get_source(package)).body:
         if (
             isinstance(statement, ast.If)
             and isinstance(statement.test, ast.Name)

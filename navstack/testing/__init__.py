@@ -36,4 +36,4 @@ if TYPE_CHECKING:
 else:
     from navstack._lazy import lazy_face
 
-    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)
+    __getattr__, __dir__, __all__ = lazy_face(__name__)
