@@ -465,7 +465,7 @@ def plan(
 ) -> Plan: ...
 
 
-def plan(world: Any, *ends: Any, **options: Any) -> Plan:
+def plan(*arguments: Any, **options: Any) -> Plan:
     """Plan once: on a map between places, or on an array.
 
     >>> import navstack as nav
@@ -480,9 +480,9 @@ def plan(world: Any, *ends: Any, **options: Any) -> Plan:
         InputError: an unknown name, with a suggestion, or an invalid argument.
         PlanningError: there is no plan; the error has a code, the reason, and data.
     """
-    if not isinstance(world, str | Path | OccupancyGrid):
-        return bringup.plan(world, *ends, **options)
-    return _plan_on_map(world, *ends, **options)
+    if arguments and isinstance(arguments[0], str | Path | OccupancyGrid):
+        return _plan_on_map(*arguments, **options)
+    return bringup.plan(*arguments, **options)
 
 
 def _plan_on_map(

@@ -23,6 +23,7 @@ from navstack.core import (
 from navstack.costmap import ObstacleLayer
 from navstack.global_planner import SmoothedPlanner
 from navstack.global_planner.smoothers import SimpleSmoother, SimpleSmootherParams
+from navstack.parameters import load_configuration
 from tests.move_base.world import Bench, StraightPlanner, occupied
 
 
@@ -261,7 +262,7 @@ def test_shutdown_stops_the_robot() -> None:
 
 def test_with_the_real_parts() -> None:
     navigator = BasicNavigator.simulated(
-        nav.load_configuration(["turtlebot"]), nav.load_map(nav.map_path("office")), Pose2D(2.0, 7.45, 0.0)
+        load_configuration(["turtlebot"]), nav.load_map(nav.map_path("office")), Pose2D(2.0, 7.45, 0.0)
     )
     navigator.goThroughPoses([Pose2D(3.5, 7.45), Pose2D(5.0, 7.45)])
     while not navigator.isTaskComplete():
@@ -276,7 +277,7 @@ def test_with_the_real_parts() -> None:
 
 def test_paths_through_poses_changed_maps_and_initial_poses() -> None:
     places, office = nav.load_places("office"), nav.load_map(nav.map_path("office"))
-    navigator = BasicNavigator.simulated(nav.load_configuration(["turtlebot"]), office, places.start)
+    navigator = BasicNavigator.simulated(load_configuration(["turtlebot"]), office, places.start)
     navigator.setInitialPose(places.start)
     navigator.waitUntilNav2Active(localizer="amcl")
     navigator.lifecycleStartup()
@@ -292,7 +293,7 @@ def test_paths_through_poses_changed_maps_and_initial_poses() -> None:
 
 def test_a_spin_that_cannot_end_in_time_is_rejected_before_it_starts() -> None:
     navigator = BasicNavigator.simulated(
-        nav.load_configuration(["turtlebot"]), nav.load_map(nav.map_path("office")), nav.load_places("office").start
+        load_configuration(["turtlebot"]), nav.load_map(nav.map_path("office")), nav.load_places("office").start
     )
     with pytest.raises(InputError, match="time_allowance of 1 s"):
         navigator.spin(6.28, time_allowance=1.0)
@@ -313,7 +314,7 @@ def test_places_can_have_numbers_as_names(tmp_path) -> None:
 def simulated(**options: object) -> BasicNavigator:
     places = nav.load_places("office")
     office = nav.load_map(nav.map_path("office"))
-    return BasicNavigator.simulated(nav.load_configuration(["turtlebot"]), office, places.start, **options)  # type: ignore[arg-type]
+    return BasicNavigator.simulated(load_configuration(["turtlebot"]), office, places.start, **options)  # type: ignore[arg-type]
 
 
 def finish(navigator: BasicNavigator) -> TaskResult:
@@ -371,7 +372,7 @@ def test_follow_path_uses_the_local_planner_only() -> None:
 @pytest.mark.parametrize("task", ["goToPose", "followPath"])
 def test_a_repeated_goal_does_not_keep_a_latched_position(task: str) -> None:
     places = nav.load_places("office")
-    configuration = nav.load_configuration(["turtlebot"], overrides=["DWAPlannerROS/latch_xy_goal_tolerance=true"])
+    configuration = load_configuration(["turtlebot"], overrides=["DWAPlannerROS/latch_xy_goal_tolerance=true"])
     navigator = BasicNavigator.simulated(configuration, nav.load_map(nav.map_path("office")), places.start)
     navigator.waitUntilNav2Active()
     goal = Pose2D(places.start.x + 1.2, places.start.y, 0.0)

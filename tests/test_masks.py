@@ -13,6 +13,7 @@ from navstack.bringup import build_costmap, build_move_base, plan_on_map, simula
 from navstack.core import Event, GridGeometry, OccupancyGrid, Pose2D, Transform2D
 from navstack.map_io import load_map, load_mask
 from navstack.move_base import SpeedLimiter
+from navstack.parameters import load_configuration
 
 STATIC = {"name": "static_layer", "type": "costmap_2d::StaticLayer"}
 OBSTACLES = {"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}
@@ -44,8 +45,8 @@ def test_plan_avoids_a_keepout_mask(
     """With the mask before the inflation layer, no pose is within the inscribed radius of a forbidden cell."""
     grid, mask = load_map(data_dir / "maps" / map_file), load_mask(data_dir / "maps" / mask_file)
     ends = Pose2D(*start), Pose2D(*goal)
-    free = plan_on_map(nav.load_configuration(["turtlebot"]), grid, *ends).plan.path
-    kept = plan_on_map(nav.load_configuration(["turtlebot", keepout(data_dir / "maps" / mask_file)]), grid, *ends)
+    free = plan_on_map(load_configuration(["turtlebot"]), grid, *ends).plan.path
+    kept = plan_on_map(load_configuration(["turtlebot", keepout(data_dir / "maps" / mask_file)]), grid, *ends)
     assert masked_poses(mask, free.poses) > 10
     assert masked_poses(mask, kept.plan.path.poses) == 0
     assert kept.plan.path.length > free.length
@@ -59,17 +60,17 @@ def test_mask_by_override_and_by_its_nav2_name(data_dir: Path) -> None:
     grid = load_map(data_dir / "maps" / "navigation2__depot" / "depot.yaml")
     given = [f"global_costmap/keepout/mask={mask}"]
     parameters = ["turtlebot", keepout("", "nav2_costmap_2d::KeepoutFilter")]
-    configuration = nav.load_configuration(parameters, overrides=given)
+    configuration = load_configuration(parameters, overrides=given)
     found = plan_on_map(configuration, grid, Pose2D(20.125, 6.825), Pose2D(21.075, 0.975))
     assert masked_poses(load_mask(mask), found.plan.path.poses) == 0
     # disabled: no effect
-    off = nav.load_configuration(parameters, overrides=[*given, "global_costmap/keepout/enabled=false"])
+    off = load_configuration(parameters, overrides=[*given, "global_costmap/keepout/enabled=false"])
     without = plan_on_map(off, grid, Pose2D(20.125, 6.825), Pose2D(21.075, 0.975))
     assert masked_poses(load_mask(mask), without.plan.path.poses) > 10
 
 
 def test_missing_mask_file_is_one_error() -> None:
-    configuration = nav.load_configuration(["turtlebot", keepout("nowhere/mask.yaml")])
+    configuration = load_configuration(["turtlebot", keepout("nowhere/mask.yaml")])
     grid = nav.load_map(nav.map_path("office"))
     with pytest.raises(nav.NavError, match=r"nowhere.mask\.yaml"):
         plan_on_map(configuration, grid, Pose2D(0.8, 7.45), Pose2D(22.2, 7.45))
@@ -118,7 +119,7 @@ def drive(where: str, mask: Path | None, **layer: Any) -> tuple[list[tuple[float
     if mask is not None:
         listed = [*layers, {"name": "slow", "type": "speed_mask"}]
         parameters = {where: {"plugins": listed, "slow": {"mask": str(mask), **layer}}}
-    configuration = nav.load_configuration(["turtlebot", parameters])
+    configuration = load_configuration(["turtlebot", parameters])
     robot = simulated_robot(configuration, room(), Pose2D(1.0, 2.0, 0.0))
     ear = Ear()
     move_base = build_move_base(configuration, robot, static_map=room(), listeners=[ear])
@@ -171,7 +172,7 @@ def test_mask_of_zeros_changes_nothing(tmp_path: Path) -> None:
 def test_costmaps_read_their_mask_files(tmp_path: Path) -> None:
     listed = [{"name": "slow", "type": "speed_mask"}]
     parameters = {"local_costmap": {"plugins": listed, "slow": {"mask": str(speed_mask(tmp_path, 30))}}}
-    configuration = nav.load_configuration(["turtlebot", parameters])
+    configuration = load_configuration(["turtlebot", parameters])
     robot = simulated_robot(configuration, room(), Pose2D(1, 2, 0))
     costmap = build_costmap("local_costmap", configuration.local_costmap, robot.frames, None)
     assert costmap.limits_speed
@@ -183,7 +184,7 @@ def test_mask_and_recovery_limits_combine(tmp_path: Path) -> None:
     """The lower limit applies, and each one removes only its own."""
     listed = [{"name": "slow", "type": "speed_mask"}]
     parameters = {"local_costmap": {"plugins": listed, "slow": {"mask": str(speed_mask(tmp_path, 40))}}}
-    configuration = nav.load_configuration(["turtlebot", parameters])
+    configuration = load_configuration(["turtlebot", parameters])
     robot = simulated_robot(configuration, room(), Pose2D(1.0, 2.0, 0.0))
     costmap = build_costmap("local_costmap", configuration.local_costmap, robot.frames, None)
     planner = configuration.local_planner.cls(configuration.local_planner.params)

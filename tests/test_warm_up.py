@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 SCRIPT = """
+from navstack.parameters import load_configuration
 import navstack as nav
 from navstack.core import jit
 from navstack.core.compilation import recorded_specializations
@@ -21,7 +22,7 @@ def noted(self, signature):
 
 KernelDispatcher.compile = noted
 here = nav.load_places("office")
-scenario = Scenario(nav.load_map(nav.map_path("office")), nav.load_configuration(["turtlebot"]), here.start, here.goals[:1])
+scenario = Scenario(nav.load_map(nav.map_path("office")), load_configuration(["turtlebot"]), here.start, here.goals[:1])
 warm_up(scenario)
 assert len(loaded) > 20, loaded
 loaded.clear()

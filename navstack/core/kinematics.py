@@ -105,6 +105,10 @@ METHODS: Final[tuple[Method, ...]] = get_args(Method)
 """`exact`: along the arc; `rk2`: along the heading at half of the step; `euler`: along the heading at its start."""
 
 
+_SMALL_RAD: Final = 1e-8
+"""Below this angle sin(a) / a is 1 to the last bit; the quotient of denormal numbers is not."""
+
+
 def integrate(pose: Pose2D, twist: Twist2D, dt: float, method: Method = "exact") -> Pose2D:
     """Return the pose after `dt` (s) at a constant velocity of the base.
 
@@ -117,7 +121,7 @@ def integrate(pose: Pose2D, twist: Twist2D, dt: float, method: Method = "exact")
     heading, scale = pose.yaw + half, dt
     if method == "euler":
         heading = pose.yaw
-    elif method == "exact" and half != 0.0:
+    elif method == "exact" and abs(half) > _SMALL_RAD:
         scale = dt * math.sin(half) / half
     c, s = math.cos(heading), math.sin(heading)
     x = pose.x + scale * (c * twist.vx - s * twist.vy)

@@ -172,7 +172,7 @@ class Client:
             sender.cancel()
             for task in slow:
                 task.cancel()
-            with contextlib.suppress(asyncio.CanceledError, ConnectionError):
+            with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await sender
 
     async def notify(self, notice: messages.Notice) -> None:
@@ -334,7 +334,7 @@ class LiveServer:
         task = asyncio.create_task(self._drive())
         yield
         task.cancel()
-        with contextlib.suppress(asyncio.CanceledError):
+        with contextlib.suppress(asyncio.CancelledError):
             await task
 
     async def _drive(self) -> None:
@@ -371,7 +371,7 @@ class LiveServer:
             response = await handler(request) if refused is None else _text(403, refused)
         except web.HTTPException as exc:
             response = _text(exc.status, f"{exc.status}: {exc.reason}")
-        except (ConnectionError, asyncio.CanceledError):
+        except (ConnectionError, asyncio.CancelledError):
             raise
         except Exception as error:
             response = _text(500, f"the server failed ({type(error).__name__}); please report it")

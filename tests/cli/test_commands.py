@@ -145,7 +145,7 @@ def test_compilation_is_announced_without_a_terminal(
         report()
         yield
 
-    monkeypatch.setattr("navstack.core.jit.compilation_reported", compiled)
+    monkeypatch.setattr("navstack.core.compilation_reported", compiled)
     assert run(["plan", "office", "--start", "0.8,7.45", "--goal", "3,7.45", "--json"]) == 0
     captured = capfd.readouterr()
     assert "note: compiling kernels (first use only" in captured.err

@@ -25,6 +25,7 @@ from navstack.cli.teleop import Session, drive
 from navstack.cli.terminal import ARROWS, map_lines, single_keys
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
 from navstack.explain import replay
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario
 
@@ -240,7 +241,7 @@ def test_a_second_kill_restores_the_terminal_too(terminal: tuple[int, int]) -> N
 def session(hold_s: float, *overrides: str) -> Session:
     scenario = Scenario(
         map=nav.load_map(nav.map_path("office")),
-        configuration=nav.load_configuration(["turtlebot"], overrides=list(overrides)),
+        configuration=load_configuration(["turtlebot"], overrides=list(overrides)),
         start=nav.load_places("office").start,
         goals=(),
     )

@@ -12,6 +12,7 @@ from navstack.bringup import reconfigure
 from navstack.core import InputError, ParameterError, Pose2D, Twist2D
 from navstack.move_base import GoalStatus, Mode, MoveBase
 from navstack.move_base.states import NavEvent
+from navstack.parameters import load_configuration
 from navstack.plugins import RecoveryContext
 from navstack.sim import SimulatedRobot
 
@@ -148,14 +149,14 @@ def test_without_a_goal_the_robot_stands_still() -> None:
 
 
 def test_from_a_configuration() -> None:
-    first = nav.load_configuration(["turtlebot"])
+    first = load_configuration(["turtlebot"])
     grid = nav.load_map(nav.map_path("office"))
     robot = nav.simulated_robot(first, grid, Pose2D(2.0, 7.45, 0.0))
     move_base = nav.build_move_base(first, robot, static_map=grid)
     planners = (move_base.global_planner, move_base.local_planner)
     reconfigure(move_base, first)
     assert (move_base.global_planner, move_base.local_planner) == planners
-    second = nav.load_configuration(
+    second = load_configuration(
         ["turtlebot"], overrides=["base_global_planner=global_planner/GlobalPlanner", "planner_patience=7.0"]
     )
     reconfigure(move_base, second)
@@ -167,7 +168,7 @@ def test_from_a_configuration() -> None:
 
 def office(*overrides: str) -> tuple[MoveBase, SimulatedRobot]:
     grid = nav.load_map(nav.map_path("office"))
-    configuration = nav.load_configuration(["turtlebot"], overrides=overrides)
+    configuration = load_configuration(["turtlebot"], overrides=overrides)
     robot = nav.simulated_robot(configuration, grid, Pose2D(2.0, 7.45, 0.0))
     return nav.build_move_base(configuration, robot, static_map=grid), robot
 
@@ -196,7 +197,7 @@ def test_costmaps_reconfigured_while_driving_equal_new_ones() -> None:
     handle = move_base.send_goal(Pose2D(8.0, 7.4, 0.0))
     drive(move_base, robot, 3.0)
     static = [layer.name for layer in move_base.global_costmap.layers]
-    reconfigure(move_base, nav.load_configuration(["turtlebot"], overrides=LIVE))
+    reconfigure(move_base, load_configuration(["turtlebot"], overrides=LIVE))
     assert not handle.is_done
     drive(move_base, robot, 3.05)
     fresh, still = office(*LIVE)
@@ -230,7 +231,7 @@ def test_another_footprint_while_driving() -> None:
     drive(move_base, robot, 2.0)
     small = move_base.local_costmap.footprint.circumscribed_radius
     bigger = ("global_costmap/robot_radius=0.25", "local_costmap/robot_radius=0.25")
-    reconfigure(move_base, nav.load_configuration(["turtlebot"], overrides=bigger))
+    reconfigure(move_base, load_configuration(["turtlebot"], overrides=bigger))
     assert move_base.local_costmap.footprint.circumscribed_radius == pytest.approx(small + 0.05, abs=0.01)
     inscribed = (move_base.global_costmap.master.data == 253).sum()
     fresh, still = office(*bigger)
@@ -257,7 +258,7 @@ def test_a_fixed_costmap_parameter_changes_nothing(override: str, message: str) 
     with pytest.raises(InputError, match=message):
         reconfigure(
             move_base,
-            nav.load_configuration(
+            load_configuration(
                 ["turtlebot"],
                 overrides=[override, "planner_patience=9.0", "global_costmap/inflation_layer/inflation_radius=0.2"],
             ),

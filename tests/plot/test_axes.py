@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 import navstack as nav
 from navstack import explain, plot
 from navstack.core import InputError
+from navstack.parameters import load_configuration
 from navstack.plot.benchmarks import plot_pairs, plot_success, plot_times
 from navstack.record import Record
 from tests.explain.conftest import scenario
@@ -33,7 +34,7 @@ def record() -> Record:
 
 @pytest.fixture(scope="module")
 def drawings(record: Record) -> dict[str, Callable[..., Any]]:
-    configuration = nav.load_configuration(["turtlebot"])
+    configuration = load_configuration(["turtlebot"])
     grid, places = nav.load_map(nav.map_path("office")), nav.load_places("office")
     found = nav.plan_on_map(configuration, grid, places.start, places.goals[0])
     command, goals = explain.explain_command(record, 2.0), explain.explain_goals(record)

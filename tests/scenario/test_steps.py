@@ -26,6 +26,7 @@ from navstack.behaviors import (
 from navstack.core import InputError, Pose2D, RecordError, ScenarioError
 from navstack.explain import explain_command, explain_goal, explain_tracking
 from navstack.move_base import BusyError, GoalStatus
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, load_scenario, run_scenario
 from navstack.scenario.file_writer import write_scenario
@@ -40,7 +41,7 @@ def scenario(
 ) -> Scenario:
     return Scenario(
         map=nav.load_map(nav.map_path("office")),
-        configuration=nav.load_configuration(["turtlebot"], overrides=list(overrides)),
+        configuration=load_configuration(["turtlebot"], overrides=list(overrides)),
         start=start,
         goals=(),
         steps=tuple(read_step(step, places=PLACES.places) for step in steps),
@@ -162,7 +163,7 @@ def test_motions_pass_through_multiplexer_and_smoother() -> None:
     """With the smoother's limits below those of the planner, the robot accelerates by the smoother's, and still arrives."""
     smoother = {"max_accel": [0.3, 0.0, 0.5], "max_decel": [-0.3, 0.0, -0.5]}
     base = scenario({"move": 0.6}, {"turn": 0.8})
-    parts = nav.load_configuration(["turtlebot", {"twist_mux": {}, "velocity_smoother": smoother}])
+    parts = load_configuration(["turtlebot", {"twist_mux": {}, "velocity_smoother": smoother}])
     record = run_record(replace(base, configuration=parts))
     assert [result["state"] for result in record.results] == ["SUCCEEDED", "SUCCEEDED"]
     assert record.results[0]["figures"]["driven_m"] == pytest.approx(0.6, abs=0.015)

@@ -13,6 +13,7 @@ import navstack as nav
 from navstack.cli.app import run as command
 from navstack.core import InputError, Pose2D, Twist2D
 from navstack.map_io import map_names, map_path
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, drive_tour
 from navstack.scenario.places import load_places, visit_order
@@ -108,7 +109,7 @@ NEAR, FAR, WALL = Pose2D(2.8, 7.45, 0.0), Pose2D(3.4, 7.45, 0.0), Pose2D(2.0, 50
 def scenario_of(*goals: Pose2D, **more: object) -> Scenario:
     return Scenario(
         map=nav.load_map(nav.map_path("office")),
-        configuration=nav.load_configuration(["turtlebot"], overrides=["recovery_behavior_enabled=false"]),
+        configuration=load_configuration(["turtlebot"], overrides=["recovery_behavior_enabled=false"]),
         start=START,
         goals=goals,
         **more,  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ import pytest
 import navstack as nav
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Footprint, InputError, LaserScan, PointCloud, Pose2D, Twist2D
+from navstack.parameters import load_configuration
 from navstack.sim import LOW, BumperParams, LidarParams, SimParams, SimulatedRobot, World
 from navstack.sim.bumper import SPACING, outline_points
 from tests.sim.test_robot import BOX, CIRCLE, corridor
@@ -146,7 +147,7 @@ def test_bumpers_from_yaml(tmp_path: Path) -> None:
         "navstack:\n  sim:\n    bumpers: [front, rear]\n    front: {height: 0.1}\n"
         "    rear: {zones: [[2.0, 4.28]], topic: back}\n"
     )
-    sim = nav.load_configuration(["turtlebot", str(file)]).navstack.sim
+    sim = load_configuration(["turtlebot", str(file)]).navstack.sim
     assert sim.bumper("front").height == 0.1
     assert sim.bumper("rear").zones == [[2.0, 4.28]]
     assert list(sim.lidars) == ["laser"]
@@ -196,7 +197,7 @@ def test_lidars_do_not_see_low_obstacles() -> None:
 def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, float, Any, list[Any]]:
     """The turtlebot drives to office_2 over a low disc; its longest push (s), and the marks of the disc at each tick."""
     grid = nav.load_map(nav.map_path("office"))
-    configuration = nav.load_configuration(["turtlebot"])
+    configuration = load_configuration(["turtlebot"])
     office = nav.load_places("office")
     robot = simulated_robot(configuration, grid, office.start, low_obstacles=[disc])
     move_base = build_move_base(configuration, robot, static_map=grid)

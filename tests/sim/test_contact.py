@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-import navstack as nav
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D, Twist2D
+from navstack.parameters import load_configuration
 
 CORNERS = [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]
 FRONT, RADIUS, GAP = 0.3, 0.1, 0.004
@@ -22,7 +22,7 @@ def test_a_box_does_not_push(beside: float, reverses: bool, monkeypatch: pytest.
     """A disc appears 4 mm in front of the moving robot, which cannot stop in time."""
     costmaps = {"footprint": CORNERS, "footprint_padding": 0.01}
     all_round = {"navstack": {"sim": {"laser": {"fov": 2.0 * math.pi, "range_min": 0.02, "x": 0.0}}}}
-    configuration = nav.load_configuration(
+    configuration = load_configuration(
         [
             "turtlebot",
             {"global_costmap": costmaps, "local_costmap": costmaps},

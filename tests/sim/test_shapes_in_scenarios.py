@@ -10,6 +10,7 @@ import pytest
 
 import navstack as nav
 from navstack.core import Pose2D
+from navstack.parameters import load_configuration
 from navstack.plot import animate_run, plot_run
 from navstack.plot.run import obstacle_patches
 from navstack.record import Record
@@ -31,7 +32,7 @@ def scenario() -> Scenario:
     noise = ["localization_noise=0.01", "localization_yaw_noise=0.01", "localization_delay=0.1", "wheel_slip=0.02"]
     return Scenario(
         map=nav.load_map(nav.map_path("office")),
-        configuration=nav.load_configuration(["turtlebot"], overrides=[f"navstack/sim/{value}" for value in noise]),
+        configuration=load_configuration(["turtlebot"], overrides=[f"navstack/sim/{value}" for value in noise]),
         start=Pose2D(2.0, 7.45, 0.0),
         goals=(Pose2D(3.6, 7.3, 0.0),),
         shapes=SHAPES,

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-import navstack as nav
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
+from navstack.parameters import load_configuration
 
 PARAMS = """
 navstack:
@@ -31,7 +31,7 @@ local_costmap:
 def test_sonars_mark_the_costmap_through_the_range_sensor_layer(tmp_path: Path) -> None:
     file = tmp_path / "params.yaml"
     file.write_text(PARAMS)
-    configuration = nav.load_configuration([file])
+    configuration = load_configuration([file])
     grid = OccupancyGrid(np.zeros((80, 80), np.int8), GridGeometry(80, 80, 0.1))
     robot = simulated_robot(configuration, grid, Pose2D(4.0, 4.0, 0.0), obstacles=[(5.2, 4.0, 0.2)])
     move_base = build_move_base(configuration, robot, static_map=grid)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-import navstack as nav
 from navstack.core import Footprint, ParameterError, Pose2D, Twist2D
 from navstack.core.kinematics import METHODS, WheelOdometry
+from navstack.parameters import load_configuration
 from navstack.parameters.models.sim import WheelParams
 from navstack.sim import SimParams, SimulatedRobot, World
 from navstack.sim.body import wheel_drive
@@ -121,7 +121,7 @@ def test_blocked_wheels_stop_and_count_no_further() -> None:
 
 def test_the_yaml_describes_the_wheels() -> None:
     sim = {"kinematics": "holonomic", "wheels": {"drive": "mecanum", "separation": 0.4, "max_speed": 12.0}}
-    loaded = nav.load_configuration(["turtlebot", {"navstack": {"sim": sim}}]).navstack.sim
+    loaded = load_configuration(["turtlebot", {"navstack": {"sim": sim}}]).navstack.sim
     assert loaded.wheels.count == 4
     assert (loaded.wheels.separation, loaded.wheels.radius) == (0.4, 0.035)
     for wrong, message in (
@@ -132,4 +132,4 @@ def test_the_yaml_describes_the_wheels() -> None:
         ({"kinematics": "holonomic", "wheels": {"drive": "omni", "angles": [0.0, 0.0, 1.0]}}, "different positions"),
     ):
         with pytest.raises(ParameterError, match=message):
-            nav.load_configuration(["turtlebot", {"navstack": {"sim": wrong}}])
+            load_configuration(["turtlebot", {"navstack": {"sim": wrong}}])
