@@ -166,7 +166,7 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
 
 
 def save_map(grid: OccupancyGrid, path: str | Path) -> tuple[Path, Path]:
-    """Write `grid` as the YAML file `path` and a pgm image beside it, each atomically; return both paths.
+    """Write `grid` as the YAML file `path` and a pgm image next to it, each atomically; return both paths.
 
     Grids of -1, 0 and 100 are written as by map_saver (mode trinary, pixels 205, 254, 0), others in mode raw. In both cases
     `load_map` restores the same cells. Raises OutputError if the files cannot be written.

@@ -11,8 +11,10 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-hypothesis.settings.register_profile("navstack", deadline=None, derandomize=True)  # the first example compiles kernels
-hypothesis.settings.load_profile("navstack")
+# without a deadline: the first example compiles kernels
+hypothesis.settings.register_profile("navstack", deadline=None, derandomize=True)
+hypothesis.settings.register_profile("explore", deadline=None, print_blob=True)  # tools/explore.py
+hypothesis.settings.load_profile("explore" if os.environ.get("NAVSTACK_EXPLORE") == "1" else "navstack")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 GOLDEN_PART = Path(__file__).resolve().parent / "golden" / "data"
@@ -33,25 +35,22 @@ def pytest_configure(config: pytest.Config) -> None:
 CI_PARTS = {
     "browser": "NAVSTACK_BROWSER_TESTS",
     "ros1": "NAVSTACK_ROS1_TESTS",
-    "explain/test_passage_shapes.py": "NAVSTACK_LONG_TESTS",
-    "studies/test_localization.py": "NAVSTACK_LONG_TESTS",
-    "test_docs.py": "NAVSTACK_LONG_TESTS",
-    "test_examples.py": "NAVSTACK_LONG_TESTS",
-    "test_packaging.py": "NAVSTACK_LONG_TESTS",
 }
-"""Folders and files that take minutes: real programs, code of the documentation, long searches; by variable."""
+"""Folders of tests that need real programs, by the variable that runs them."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the tests that take minutes unless they are wanted, as in CI."""
+    """Skip the tests that need real programs unless they are wanted, as in CI."""
     tests = Path(__file__).parent
     for item in items:
         if not item.path.is_relative_to(tests):
             continue
-        name = item.path.relative_to(tests)
-        variable = CI_PARTS.get(name.as_posix(), CI_PARTS.get(name.parts[0]))
+        variable = CI_PARTS.get(item.path.relative_to(tests).parts[0])
+        if variable is not None:
+            item.add_marker(pytest.mark.real)
         if variable is not None and os.environ.get(variable) != "1":
-            item.add_marker(pytest.mark.skip(reason=f"takes minutes: set {variable}=1, as CI does"))
+            item.add_marker(pytest.mark.skip(reason=f"needs installed programs: set {variable}=1, as CI does"))
 
 
 def _folder(variable: str, default: Path) -> Path:

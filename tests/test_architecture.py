@@ -79,6 +79,7 @@ def test_every_package_has_a_level() -> None:
     assert {name for name in there if not name.startswith("_")} == set(LEVEL_OF)
 
 
+@pytest.mark.slow
 def test_imports_go_down_only() -> None:
     wrong = [
         f"{where(module, line)}: {package_of(module)} imports {target}"
@@ -172,6 +173,7 @@ def imported_after(statement: str, *modules: str) -> list[str]:
     return ast.literal_eval(out.stdout.strip().splitlines()[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("statement", "banned"),
     [
@@ -185,6 +187,7 @@ def test_what_an_import_does_not_load(statement: str, banned: tuple[str, ...]) -
     assert imported_after(statement, *banned) == []
 
 
+@pytest.mark.slow
 def test_numba_is_imported_by_the_kernel_wrapper_only() -> None:
     for module, file in FILES.items():
         if module in ("navstack.core.jit", "navstack.core.kernel_cache", "navstack.core.compilation"):
@@ -204,6 +207,7 @@ def kernels() -> Iterator[tuple[str, ast.FunctionDef]]:
                     yield module, node
 
 
+@pytest.mark.slow
 def test_kernels_take_positional_arguments_and_few_of_them() -> None:
     wide: set[str] = set()
     for module, function in kernels():
@@ -216,6 +220,7 @@ def test_kernels_take_positional_arguments_and_few_of_them() -> None:
     assert len(WIDE_KERNELS) <= 3
 
 
+@pytest.mark.slow
 def test_no_record_type_begins_as_another_and_error_codes_are_unique() -> None:
     """numba would call a kernel compiled for the shorter record with the longer one, with a warning."""
     code = """

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 BLOCKS = [
     pytest.param(code, id=f"{page.relative_to(DOCS)}-{number}")

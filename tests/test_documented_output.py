@@ -61,6 +61,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 PAGES = ("README.md", "docs/concepts/diagnostics.md")
 
 
+@pytest.mark.slow
 def test_the_first_run(printed: dict[str, str]) -> None:
     assert len(first_run()) == 3
     shown = {words(line) for line in printed["navstack simulate"].splitlines()}

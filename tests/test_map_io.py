@@ -141,7 +141,7 @@ def test_saving_to_a_path_that_is_not_writable(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=40)
 @given(
     values=st.lists(st.integers(-128, 127), min_size=1, max_size=12),
     resolution=st.floats(1e-6, 1e3),

@@ -56,6 +56,7 @@ def test_names() -> None:
         map_path("ofice")
 
 
+@pytest.mark.slow
 def test_shipped_files_are_what_the_script_draws(script: ModuleType, tmp_path: Path) -> None:
     drawn = script.draw(tmp_path, [make() for make in script.PLANS])
     assert sorted(file.name for file in drawn) == sorted(

@@ -38,6 +38,7 @@ def masked_poses(mask: OccupancyGrid, poses: np.ndarray) -> int:
     return sum(cell is not None and int(mask.data[cell[1], cell[0]]) == 100 for cell in cells)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("map_file", "mask_file", "start", "goal"), REAL)
 def test_plan_avoids_a_keepout_mask(
     data_dir: Path, map_file: str, mask_file: str, start: tuple[float, float], goal: tuple[float, float]
@@ -138,6 +139,7 @@ def fastest(track: list[tuple[float, float]], left: float, right: float) -> floa
     return max(speed for x, speed in track if left <= x <= right)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("where", "value", "layer", "limit"),
     [

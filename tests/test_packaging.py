@@ -18,6 +18,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ("params/turtlebot/navstack.yaml", "maps/office.yaml", "maps/office.png", "maps/office.places.yaml")
 

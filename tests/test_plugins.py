@@ -60,6 +60,7 @@ def test_plugins_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
     assert things.get("theirs").origin == "entry point"
 
 
+@pytest.mark.slow
 def test_the_table_of_built_in_plugins_agrees_with_their_decorators() -> None:
     """`python tools/builtin_plugins.py` writes the table."""
     for registry in REGISTRIES:

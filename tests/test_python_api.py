@@ -53,6 +53,7 @@ def plan_past_wall(**arguments: Any) -> nav.Path:
     return nav.plan(WALL, 0.05, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), planner="smac_hybrid", **arguments).path
 
 
+@pytest.mark.slow
 def test_plan_on_an_array_for_a_shape_and_a_turning_radius() -> None:
     """A wall of cells at x = 3.0 to 3.05 m, open below y = 0.75 m."""
     bent, straight = (

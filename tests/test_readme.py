@@ -42,6 +42,7 @@ def test_every_command_named_is_there() -> None:
     assert set(EXPLAIN_COMMANDS) <= set(re.findall(r"^navstack explain ([a-z]+)", README, re.MULTILINE))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", range(README.count("```python\n")))
 def test_python_runs_as_it_stands(index: int, tmp_path: Path) -> None:
     code = re.findall(r"```python\n(.+?)```", README, re.DOTALL)[index]
@@ -66,6 +67,7 @@ def _command(words: list[str]) -> Any:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", re.findall(r"^navstack (.+?)(?: {2,}#.*)?$", README + COMMANDS, re.MULTILINE))
 def test_the_documents_name_no_option_that_is_not_there(line: str) -> None:
     command = _command(line.split())

@@ -14,11 +14,13 @@ from navstack import shortcuts
 from navstack.core import InputError, ParameterError
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_docstrings() -> None:
     failed, tried = doctest.testmod(shortcuts, optionflags=doctest.ELLIPSIS)
     assert tried >= 8 and failed == 0
 
 
+@pytest.mark.slow
 def test_a_run_by_names_equals_the_run_of_the_objects() -> None:
     named = nav.simulate("office", robot="turtlebot", goals=["kitchen"], seed=3)
     places = nav.load_places("office")
@@ -33,6 +35,7 @@ def test_a_run_by_names_equals_the_run_of_the_objects() -> None:
     assert np.array_equal(named.record.poses, objects.record.poses)
 
 
+@pytest.mark.slow
 def test_a_result_explains_and_draws_itself(tmp_path: Path) -> None:
     result = nav.simulate("office", goals="kitchen")
     assert result.explain(goal=1).startswith("goal 1: reached after")
@@ -78,6 +81,7 @@ def test_findings_warn_or_are_errors() -> None:
         nav.load_configuration(["turtlebot"])
 
 
+@pytest.mark.slow
 def test_many_runs_do_not_depend_on_the_number_of_processes() -> None:
     one = nav.simulate_many("narrow_door", count=2, processes=1)
     two = nav.simulate_many("narrow_door", count=2, processes=2)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 from navstack.parameters import load_configuration
 import navstack as nav
@@ -37,6 +39,7 @@ print(sorted(used - {(each.kernel.name, each.types) for each in recorded_special
 """
 
 
+@pytest.mark.slow
 def test_the_warm_up_loads_all_kernels_and_they_are_recorded() -> None:
     # a process of its own: in this one other tests have loaded them
     ended = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=300, check=False)

@@ -1,4 +1,4 @@
-"""Willow's three goals over ROS, beside the spread of runs in one process.
+"""Willow's three goals over ROS, next to the spread of runs in one process.
 
     python tools/ros1_willow.py DATA GOLDEN [--runs 24] [--speed 5]
 

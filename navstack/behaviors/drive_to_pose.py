@@ -19,7 +19,7 @@ from navstack.plugins import BehaviorStep
 class DriveToPose(Motion):
     """Drives to a pose in three phases: face it, drive along the straight line, face its heading.
 
-    The robot may start and end beside the line by the tolerances; on the line it is steered as by `Move`.
+    The robot may start and end next to the line by the tolerances; on the line it is steered as by `Move`.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class DriveToPose(Motion):
         self.target = self.goal
         self.reference = self.line(pose, self.goal)
         self._length = self._left = pose.distance_to(self.goal)
-        # a goal beside the robot needs no line: its direction would be noise
+        # a goal next to the robot needs no line: its direction would be noise
         self._phase = "face the line" if self._length > self.params.tolerance else "face the goal"
         away = math.pi if self.backwards else 0.0
         bearing = normalize_angle(math.atan2(self.goal.y - pose.y, self.goal.x - pose.x) + away)

@@ -78,7 +78,7 @@ def track(error: TrackingError, speed: float, turn_rate: float, params: MotionPa
 
 def steering_to_line(on_line: Pose2D, speed: float, max_turn_rate: float, params: MotionParams) -> float:
     """Return the turn rate (rad/s) that keeps a robot at `on_line` (line's frame) on the line, at `speed` (m/s)."""
-    # the reference is the point of the line beside the robot
+    # the reference is the point of the line next to the robot
     error = TrackingError(0.0, -on_line.y * math.cos(on_line.yaw), -on_line.yaw)
     _, rate = track(error, speed, 0.0, params)
     return min(max(rate, -max_turn_rate), max_turn_rate)

@@ -63,7 +63,7 @@ class KeyboardTeleop:
         self.twist = Twist2D()
 
     def press(self, key: str) -> Twist2D:
-        """Return the velocity for a key; every key that is none of the listed ones stops."""
+        """Return the velocity for a key; every other key stops."""
         if key in SPEED_KEYS:
             of_speed, of_turn = SPEED_KEYS[key]
             self.speed, self.turn = self.speed * of_speed, self.turn * of_turn

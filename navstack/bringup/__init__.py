@@ -7,16 +7,16 @@ if TYPE_CHECKING:
     from navstack.bringup.basic_navigator import TaskFeedback as TaskFeedback
     from navstack.bringup.basic_navigator import TaskResult as TaskResult
     from navstack.bringup.build import build_chain as build_chain
-    from navstack.bringup.build import build_costmap as build_costmap
     from navstack.bringup.build import build_move_base as build_move_base
-    from navstack.bringup.build import make_global_planner as make_global_planner
     from navstack.bringup.build import odometry_frame as odometry_frame
     from navstack.bringup.build import reconfigure as reconfigure
     from navstack.bringup.build import simulated_robot as simulated_robot
     from navstack.bringup.build import true_footprint as true_footprint
     from navstack.bringup.build import true_frame as true_frame
     from navstack.bringup.single_plan import PlannedPath as PlannedPath
+    from navstack.bringup.single_plan import build_costmap as build_costmap
     from navstack.bringup.single_plan import costmap_on_map as costmap_on_map
+    from navstack.bringup.single_plan import make_global_planner as make_global_planner
     from navstack.bringup.single_plan import plan as plan
     from navstack.bringup.single_plan import plan_on_map as plan_on_map
     from navstack.bringup.single_plan import pose_of as pose_of

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
+from navstack.bringup.single_plan import build_costmap, make_global_planner
 from navstack.core import (
     Event,
     Footprint,
     FrameError,
-    FrameTree,
     InputError,
     Listener,
     OccupancyGrid,
@@ -24,30 +24,14 @@ from navstack.core import (
 from navstack.costmap import LayeredCostmap, apply_reconfigure, check_reconfigure
 from navstack.global_planner import is_smoothed_by, smoothed, unsmoothed
 from navstack.localization import believed_start, make_filter, make_localizer
-from navstack.map_io import load_mask
 from navstack.move_base import MoveBase, Planning, call
-from navstack.parameters import Configuration, CostmapConfiguration
+from navstack.parameters import Configuration
 from navstack.plugins import GlobalPlanner, LocalPlanner, Plugin, RecoveryBehavior, Robot
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
 from navstack.sim import Estimation, Shape, SimulatedRobot, World
 
 RECOVERY_TIME_LIMIT_S: Final = 120.0
 """A recovery behavior that runs longer (s) fails."""
-
-
-def build_costmap(
-    name: str, configuration: CostmapConfiguration, frames: FrameTree, static_map: OccupancyGrid | None
-) -> LayeredCostmap:
-    """Build `global_costmap` or `local_costmap` with the layers of its parameters."""
-    return LayeredCostmap(
-        name,
-        configuration.params,
-        configuration.layers,
-        footprint=configuration.footprint,
-        frames=frames,
-        static_map=static_map,
-        read_map=load_mask,
-    )
 
 
 def build_chain(configuration: Configuration, robot: Robot) -> CommandChain:
@@ -145,11 +129,6 @@ def _warn_of_frame(unknown: str, frame: str, listeners: Sequence[Listener]) -> N
     )
     for listener in listeners:
         listener.on_event(Event(0.0, "warning", error.message, error.as_dict()))
-
-
-def make_global_planner(choice: Plugin[GlobalPlanner]) -> GlobalPlanner:
-    """Make the global planner of a configuration, without its smoother. Raises NavError if its constructor fails."""
-    return call(choice.cls, choice.cls, choice.params)
 
 
 def _local_planner(choice: Plugin[LocalPlanner]) -> LocalPlanner:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
-from navstack.bringup.build import build_costmap, make_global_planner
 from navstack.core import (
     Costmap,
     Footprint,
@@ -30,9 +29,30 @@ from navstack.core import (
 )
 from navstack.costmap import LayeredCostmap, costs_of_occupied
 from navstack.global_planner import smoothed
+from navstack.map_io import load_mask
 from navstack.move_base import add_layer, call, make_plan
-from navstack.parameters import Configuration, message_for, nearest
+from navstack.parameters import Configuration, CostmapConfiguration, message_for, nearest
 from navstack.plugins import GLOBAL_PLANNERS, GlobalPlanner, Plan, Plugin
+
+
+def build_costmap(
+    name: str, configuration: CostmapConfiguration, frames: FrameTree, static_map: OccupancyGrid | None
+) -> LayeredCostmap:
+    """Build `global_costmap` or `local_costmap` with the layers of its parameters."""
+    return LayeredCostmap(
+        name,
+        configuration.params,
+        configuration.layers,
+        footprint=configuration.footprint,
+        frames=frames,
+        static_map=static_map,
+        read_map=load_mask,
+    )
+
+
+def make_global_planner(choice: Plugin[GlobalPlanner]) -> GlobalPlanner:
+    """Make the global planner of a configuration, without its smoother. Raises NavError if its constructor fails."""
+    return call(choice.cls, choice.cls, choice.params)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from navstack.cli import options
 from navstack.cli.output import print_json, print_note, stdout
 from navstack.core import InputError, is_file
 from navstack.parameters import check_parameters, fix_keys, packaged_sets
-from navstack.scenario import check_scenario, is_scenario_file, shipped_scenarios
+from navstack.scenario import is_scenario_file, shipped_scenarios
 
 if TYPE_CHECKING:
     from navstack.parameters import Finding, KeyFixes
@@ -113,6 +113,8 @@ def _print_fixes(fixes: KeyFixes, *, diff: bool) -> None:
 def _findings(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> list[Finding]:
     file = _scenario(params[0]) if len(params) == 1 else None
     if file is not None:
+        from navstack.scenario import check_scenario  # takes 0.15 s: only for scenarios
+
         return check_scenario(file, overrides=overrides, distro=distro, allow_missing=allow_missing)
     return check_parameters(params, overrides=overrides, distro=distro, allow_missing=allow_missing)
 

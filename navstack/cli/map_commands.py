@@ -36,7 +36,7 @@ def from_log(
         typer.Option(
             "--out",
             metavar="FILE|DIR",
-            help="Map to write: a YAML file, and a pgm image beside it; in a folder: map.yaml.",
+            help="Map to write: a YAML file, and a pgm image next to it; in a folder: map.yaml.",
             callback=file_in("map.yaml"),
         ),
     ],

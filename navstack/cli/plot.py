@@ -62,7 +62,7 @@ def plot(
             "--out",
             metavar="FILE|DIR",
             help="Write a picture (.png, .svg or .pdf); in a folder: run.png or MAP.png. "
-            "[default: run.png beside the record, or MAP.png]",
+            "[default: run.png next to the record, or MAP.png]",
         ),
     ] = None,
     animate: Annotated[
@@ -120,7 +120,7 @@ def _draw_others(
 
 
 def _draw_map(source: str, out: Path | None) -> Path:
-    """Draws a map, with the places of NAME.places.yaml beside it."""
+    """Draws a map, with the places of NAME.places.yaml next to it."""
     file, grid = map_of(source)
     beside = file.with_name(f"{file.stem}.places.yaml")
     places = load_places(beside).places if is_file(beside) else {}

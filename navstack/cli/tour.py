@@ -60,7 +60,7 @@ class TourOptions(NamedTuple):
         str | None,
         typer.Argument(
             metavar="MAP.yaml",
-            help="map_server YAML file, or name of a packaged map. [default: NAME.yaml beside NAME.places.yaml]",
+            help="map_server YAML file, or name of a packaged map. [default: NAME.yaml next to NAME.places.yaml]",
         ),
     ] = None
     place: Annotated[

@@ -63,7 +63,7 @@ def ensure_directory(path: Path) -> Path:
 
 @contextmanager
 def atomic_write(path: Path) -> Generator[Path]:
-    """Yield a temporary file name beside `path` with the same suffix; rename it to `path` on success, remove it on failure."""
+    """Yield a temporary file name next to `path` with the same suffix; rename it to `path` on success, remove it on failure."""
     beside = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         yield beside

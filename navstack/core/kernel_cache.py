@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import os
 import pickle
 import shutil
@@ -22,13 +23,14 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-import llvmlite
+import llvmlite.binding
 import numba
 import numba.core.compiler
 import numpy as np
 from numba.core import config, errors, serialize
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-_FORMAT: Final = 1
+_FORMAT: Final = 2
 _OUTDATED_S: Final = 30 * 86400.0
 _LONGEST_WAIT_S: Final = 120.0
 """Longest wait for another process that compiles the same specialization; then it is compiled here, too."""
@@ -160,10 +162,10 @@ class DiskCache:
         self._locked: list[int] = []
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        target_context.refresh()
         file = cache_file(self._dispatcher.kernel, sig, inner=self._dispatcher.is_inner)
         loaded = None if file is None else self._load(file, sig, target_context)
         if loaded is None:
+            target_context.refresh()
             if file is not None:
                 self._locked.append(number := int(file.name[:7], 16))
                 if not _lock(file, number):  # another process compiled it meanwhile
@@ -178,7 +180,8 @@ class DiskCache:
             content = file.read_bytes()
             if hashlib.sha256(content[32:]).digest() != content[:32]:
                 return None
-            calls, reduced = pickle.loads(content[32:])
+            calls, symbols, reduced = pickle.loads(content[32:])
+            _provide(symbols, target_context)
             loaded = numba.core.compiler.CompileResult._rebuild(target_context, *reduced)
         except Exception:  # not there, damaged, or of another version of a library: it is compiled
             return None
@@ -192,7 +195,7 @@ class DiskCache:
         file = cache_file(self._dispatcher.kernel, sig, inner=self._dispatcher.is_inner)
         if file is None or data.library.has_dynamic_globals:
             return
-        content = serialize.dumps((calls, data._reduce()))
+        content = serialize.dumps((calls, _external_symbols(data.library), data._reduce()))
         part = file.with_name(f"{file.name}.{os.getpid()}.part")
         try:
             part.write_bytes(hashlib.sha256(content).digest() + content)
@@ -207,6 +210,20 @@ class DiskCache:
         """Release the lock of the specialization that was compiled last."""
         if self._locked:
             _unlock(self._locked.pop())
+
+
+def _external_symbols(library: Any) -> tuple[str, ...]:
+    """Return the names of what the machine code of a library uses and does not contain."""
+    module = library._final_module
+    values = itertools.chain(module.functions, module.global_variables)
+    return tuple(sorted(value.name for value in values if value.is_declaration and not value.name.startswith("llvm.")))
+
+
+def _provide(symbols: Sequence[str], target_context: Any) -> None:
+    """Make symbols known to the linker. Numba's whole library, which takes 0.3 s, is loaded only for those that need it."""
+    rtsys.initialize(target_context)
+    if not all(map(llvmlite.binding.address_of_symbol, symbols)):
+        target_context.refresh()
 
 
 def cache_file(kernel: KernelSource, arguments: Sequence[Any], *, inner: bool) -> Path | None:

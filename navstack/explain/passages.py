@@ -339,7 +339,7 @@ def find_passages(
     """Doors, corridors and gaps between obstacles of a map, rated by the `global` or `local` costmap.
 
     `narrowest` and `widest` limit the widths (m); the defaults are the inscribed radius (half the width of the robot) and
-    the width at which inflation ends. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps beside
+    the width at which inflation ends. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps next to
     smaller free-standing obstacles, which the robot can drive around. `unknown_is_wall` treats unknown space as walls, for
     maps whose walls are unknown cells. For a robot that is not round, `PassageReport.shapes` has the headings at which it passes
     and, with a `turning_radius` (m; default: that of base and controller), a way through. `progress(done, total)` is called
@@ -411,7 +411,7 @@ def _search(
     smallest: float,
     resolution: float,
 ) -> list[NarrowPlace]:
-    """Narrow places with free widths from one cell to `high` (m), beside obstacles of `smallest` (m) or more.
+    """Narrow places with free widths from one cell to `high` (m), next to obstacles of `smallest` (m) or more.
 
     All pairs of obstacles are included whose distance is up to `needed` (m), which the robot needs at low cost.
     """

@@ -195,7 +195,7 @@ def print_passages(out: Console, report: PassageReport, name: str, *, only: int 
     if report.shapes is not None:
         _print_shapes(out, report, only)
     narrower = f"; {report.narrower} narrower (--narrowest 0 lists them)" if report.narrower else ""
-    smaller = f" beside obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
+    smaller = f" next to obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
     by_costs = "by the costs on their centerlines: " if report.shapes is not None else ""
     out.print(
         f"{by_costs}{passage_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m{smaller}{narrower}",

@@ -38,7 +38,7 @@ RECENT_S: Final = 10.0
 
 @cache
 def _compressing() -> ThreadPoolExecutor:
-    """A thread beside the session: compression takes as long as copying, and does not hold the interpreter."""
+    """A thread of its own: compression takes as long as copying, and does not hold the interpreter."""
     return ThreadPoolExecutor(1, "navstack-checkpoints")
 
 

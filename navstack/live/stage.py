@@ -270,7 +270,7 @@ class Stage:
 
     @staticmethod
     def is_slow(request: Any) -> bool:
-        """True for requests whose answer is computed beside the session (`prepare_slow`)."""
+        """True for requests whose answer is computed outside the session (`prepare_slow`)."""
         return request.type in ("explain_command", "explain_goal", "explain_passage", "sets") or (
             request.type == "save" and request.what == "run"
         )

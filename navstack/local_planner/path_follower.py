@@ -61,7 +61,7 @@ MOVED_TO_PATH_HANDLER = (
 class PathFollowerParams(ParamModel):
     """Parameters that all controllers of this kind have.
 
-    The namespaces `goal_checker` and `PathHandler` may stand in the controller's namespace or beside it, as in Nav2's
+    The namespaces `goal_checker` and `PathHandler` may stand in the controller's namespace or next to it, as in Nav2's
     controller_server.
     """
 
@@ -106,7 +106,7 @@ class PathFollowerParams(ParamModel):
 
     @classmethod
     def shared_children(cls, values: Mapping[str, Any]) -> frozenset[str]:
-        """Goal checker and path handler may stand beside the controller."""
+        """Goal checker and path handler may stand next to the controller."""
         return frozenset(PathFollowerParams.child_models(values))
 
     @property

@@ -1,5 +1,5 @@
 # pyright: basic
-"""What local planners need beside their own simulation: size checks, single points, and the cells of rollouts."""
+"""What local planners need in addition to their own simulation: size checks, single points, and the cells of rollouts."""
 
 from __future__ import annotations
 

@@ -403,7 +403,7 @@ def continuity(before: Beams, now: Beams, step: Transform2D) -> float | None:
     """Return the share of the beams `now` that end where the scan `before` saw something, or saw as far.
 
     `step` is the motion between the scans, by the odometry: the base now in the base before. Ranges in the same direction are
-    compared, with a tolerance of 0.2 m and 5 %; two directions beside a beam count, so that corners which the motion hides or
+    compared, with a tolerance of 0.2 m and 5 %; two directions next to a beam count, so that corners which the motion hides or
     shows agree. None if the scans have fewer than `FEWEST` directions in common.
     """
     if len(before.ends) < 2 or len(now.ends) == 0:

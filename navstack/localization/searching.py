@@ -36,13 +36,13 @@ class Agreement:
 
     stamp: float
     explained: float
-    """Share of the returns that end at an obstacle of the map, with nothing before it, from the believed pose or beside it."""
+    """Share of the returns that end at an obstacle of the map, with nothing before it, from the believed pose or next to it."""
     through: float
     """Share of the returns behind an obstacle of the map."""
     unexpected: float
     """Share of the returns in free space: people, changed furniture, or a wrong pose."""
     correction: float
-    """Distance to the pose beside the believed one that explains the scan best (m)."""
+    """Distance to the pose next to the believed one that explains the scan best (m)."""
     continuous: float | None
     """Share of the beams that agree with the scan before; None if they cannot be compared."""
     evidence: float
@@ -136,7 +136,7 @@ class LostDetector:
         return self._last
 
     def explained_at(self, pose: Pose2D, scan: LaserScan, sensor: Transform2D) -> float:
-        """Return the share of the scan's returns that the map explains from a pose or one beside it; 0 without returns."""
+        """Return the share of the scan's returns that the map explains from a pose or one next to it; 0 without returns."""
         beams = scan_beams(scan, sensor, self.map.reach).thinned(self.params.lost_beams)
         if not pose.is_finite() or len(beams.points) == 0:
             return 0.0
@@ -153,7 +153,7 @@ class LostDetector:
         return continuity(before[0], beams, step)
 
     def _explained(self, pose: Pose2D, beams: Beams) -> tuple[list[float], float]:
-        """Return the shares (explained, unexpected, through) from the pose or one beside it, and the distance to that (m)."""
+        """Return the shares (explained, unexpected, through) from the pose or one next to it, and the distance to that (m)."""
         poses = self.map.to_grid(np.array([pose]))
         believed = poses[0].copy()
         refine(poses, beams.points, self.map.field, self._match, np.zeros((1, 3, 3)))

@@ -1,4 +1,4 @@
-"""The sections of nodes beside move_base: twist_mux, velocity_smoother, collision monitor and detector; amcl, supervision, ekf.
+"""Sections of nodes other than move_base: twist_mux, velocity_smoother, collision monitor and detector; amcl, supervision, ekf.
 
 Each may be written as in ROS 1 or with the `ros__parameters` of a ROS 2 file. A section that is written is in use.
 """
@@ -27,7 +27,7 @@ ROS2_PARAMETERS: Final = "ros__parameters"
 SAFETY_SECTIONS: Final = ("twist_mux", "velocity_smoother", "collision_monitor", "collision_detector")
 LOCALIZATION_SECTIONS: Final = ("amcl", "supervision", "ekf")
 NODE_SECTIONS: Final = (*SAFETY_SECTIONS, *LOCALIZATION_SECTIONS)
-"""Every section beside move_base's that belongs to a node of its own in ROS."""
+"""Every section other than move_base's that belongs to a node of its own in ROS."""
 
 _MODELS: Final = {
     "twist_mux": ("twist_mux", "TwistMuxParams"),

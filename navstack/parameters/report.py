@@ -385,9 +385,9 @@ def _sections() -> Iterator[str]:
                 yield _plugin(title, entry, f"`{planner_namespaces(entry)[0]}`", listed)
     for title, registry, where in (
         ("Critic", CRITICS, "`<planner>/<name>`"),
-        ("Goal checker", GOAL_CHECKERS, "`goal_checker` beside or below the local planner"),
+        ("Goal checker", GOAL_CHECKERS, "`goal_checker` next to or below the local planner"),
         ("Progress checker", PROGRESS_CHECKERS, "`progress_checker`"),
-        ("Path handler", PATH_HANDLERS, "`PathHandler` beside or below the local planner"),
+        ("Path handler", PATH_HANDLERS, "`PathHandler` next to or below the local planner"),
         ("Smoother", SMOOTHERS, "`<name>`, for `base_smoother: <name>`"),
         ("Recovery behavior", RECOVERY_BEHAVIORS, "`<name>`"),
     ):

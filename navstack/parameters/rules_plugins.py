@@ -275,7 +275,7 @@ document(
     "inflation-not-last",
     "warning",
     """Layers write in the order of `plugins`. Obstacles marked by a layer after the inflation layer are not inflated:
-    the robot's center may pass directly beside them.
+    the robot's center may pass directly next to them.
 
     Fix: list the inflation layer last.
     """,

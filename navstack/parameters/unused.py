@@ -319,7 +319,7 @@ class _UnusedCheck:
         return any(name in iter_names(m) and name not in m.NO_EFFECT for m in self.models.get(space.path, []))
 
     def _distance(self, space: Space, place: str) -> int:
-        """How far a parameter is from the namespace `place`: 0 above it, 1 below it, 2 beside it, 3 farther."""
+        """How far a parameter is from the namespace `place`: 0 above it, 1 below it, 2 next to it, 3 farther."""
         parent = space.parent
         if place in space.children or (space.name in COSTMAPS and place in self.catalog.layers):
             return 0

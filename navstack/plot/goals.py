@@ -28,7 +28,7 @@ _LABEL_SHARE = 0.2
 _SHOWN_NUMBERS: Final = 8
 """Numbers of recoveries that an entry of the legend lists."""
 _LONGEST_LABEL: Final = 26
-"""Longest text that fits beside the panels (characters)."""
+"""Longest text that fits next to the panels (characters)."""
 
 
 def plot_goal_reports(
@@ -207,7 +207,7 @@ def _draw_recovery(axes: Any, recovery: RecoveryRun, number: int) -> None:
 
 
 def _add_legends(panels: canvas.Panels, goals: Sequence[GoalReport]) -> None:
-    """Add a legend beside each of the three panels; inside those of the caller."""
+    """Add a legend next to each of the three panels; inside those of the caller."""
     entries = (_distance_entries(goals), _velocity_entries(), _lane_entries(goals))
     for axes, of_panel in zip(panels.axes, entries, strict=True):
         handles, labels = [handle for handle, _ in of_panel], [label for _, label in of_panel]

@@ -145,7 +145,7 @@ def _draw_bars(axes: Any, bars: Sequence[_Bar], kind: _Kind, scale: float) -> An
 
 
 def _number(axes: Any, bars: Sequence[_Bar], points_per_m: float, scale: float) -> None:
-    """Draw the numbers beside their bars, each where it overlaps least with marks and other numbers."""
+    """Draw the numbers next to their bars, each where it overlaps least with marks and other numbers."""
     from matplotlib.patheffects import withStroke
 
     size = _LABEL_PT * scale
@@ -165,7 +165,7 @@ def _number(axes: Any, bars: Sequence[_Bar], points_per_m: float, scale: float) 
             spots.append(start + side * (3.0 * scale + 1.0 + float(np.abs(side) @ half)))
         others = np.delete(marks, [i, len(bars) + 2 * i, len(bars) + 2 * i + 1], axis=0)
         room = [_room(spot, placed, 2.0 * half) + 0.7 * _room(spot, others, half + 3.0 * scale) for spot in spots]
-        # ties go to the first position, beside the middle of the bar
+        # ties go to the first position, next to the middle of the bar
         best = max(range(len(spots)), key=lambda k: (round(room[k], 3), -k))
         placed = np.concatenate((placed, spots[best][None]))
         axes.annotate(

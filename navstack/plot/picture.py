@@ -139,13 +139,13 @@ def frame_handle() -> Any:
 _TALLEST_IN: Final = 6.6
 """Largest height of the axes of a picture."""
 _TALL: Final = 0.7
-"""Ratio of height to width from which on the legend is beside the axes; below them for wide areas."""
+"""Ratio of height to width from which on the legend is next to the axes; below them for wide areas."""
 _RIGHT_IN: Final = 0.18
 _MOST_COLUMNS: Final = 6
 
 
 class Picture:
-    """A figure with axes in meters, a title above them, and a legend below (wide areas) or beside them (tall ones)."""
+    """A figure with axes in meters, a title above them, and a legend below (wide areas) or next to them (tall ones)."""
 
     def __init__(
         self,

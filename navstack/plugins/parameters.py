@@ -1,4 +1,4 @@
-"""How a component declares its parameters: a pydantic model beside the plugin, one field per ROS parameter.
+"""How a component declares its parameters: a pydantic model next to the plugin, one field per ROS parameter.
 
 The default of a field is the EFFECTIVE default: the value that a user of noetic gets with an empty YAML.
 """
@@ -51,7 +51,7 @@ class ParamModel(BaseModel):
 
     @classmethod
     def shared_children(cls, values: Mapping[str, Any]) -> frozenset[str]:
-        """Return those of `child_models` that may stand beside this namespace instead of below it."""
+        """Return those of `child_models` that may stand next to this namespace instead of below it."""
         del values
         return frozenset()
 

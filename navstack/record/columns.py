@@ -1,4 +1,4 @@
-"""Rows of a record while it is made: in memory, or in files on disk that vanish with the process.
+"""Rows of a record while it is made: in memory, or in files on disk that are removed when the process ends.
 
 A row is converted to its final form only when the record is read or written, so a row costs its bytes and no objects.
 """

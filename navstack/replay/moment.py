@@ -162,7 +162,7 @@ def _new_cells(points: NDArray[np.float64], grid: OccupancyGrid, start: Pose2D, 
     at = np.floor(own).astype(np.int64)
     inside = (at >= 0).all(axis=1) & (at[:, 0] < grid.data.shape[1]) & (at[:, 1] < grid.data.shape[0])
     points, at = points[inside], at[inside]
-    # a wall in the costmaps can be a cell beside that of the map: the pose is not exact
+    # a wall in the costmaps can be a cell next to that of the map: the pose is not exact
     occupied = np.pad(grid.data >= OCCUPIED, 1)
     ny, nx = grid.data.shape
     near = np.zeros((ny, nx), np.bool_)

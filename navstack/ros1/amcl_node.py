@@ -209,7 +209,7 @@ class AmclNode(LocalizationNode):
         return ros.message("nav_msgs/srv/SetMapResponse")(success=True)
 
     def set_pose(self, message: Any) -> None:
-        """Start anew around a pose. Raises NavError for one that is none."""
+        """Restart around a pose. Raises NavError for an invalid pose."""
         pose = msg.pose_of(message.pose.pose)
         full = np.array(message.pose.covariance, np.float64).reshape(6, 6)
         stamp = message.header.stamp
@@ -308,7 +308,7 @@ class AmclNode(LocalizationNode):
         return self._params.model_dump()
 
     def _apply(self, values: Any) -> None:
-        """Use other parameters: the filter starts anew around its estimate, as in ROS. Raises NavError and changes nothing."""
+        """Use other parameters: the filter restarts around its estimate, as in ROS. Raises NavError and changes nothing."""
         changed = {name: value for name, value in values.items() if name != RESTORE}
         tree = self._first.tree if values.get(RESTORE) is True else {**self._configuration.tree, **changed}
         new = bind_amcl(tree)

@@ -320,7 +320,7 @@ class Approach:
         self.sent = np.zeros(3)
         """(3,) the last command that was sent to the robot."""
         self._body = body
-        # the polygon of a circle would come nearer to points beside it when it turns
+        # the polygon of a circle would come nearer to points next to it when it turns
         self._hull = hull
         self._body_reach = float(np.hypot(body[:, 0], body[:, 1]).max())
         # an axis without deceleration is one that the robot does not have

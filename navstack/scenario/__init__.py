@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from navstack.scenario.barn import load_worlds as load_worlds
     from navstack.scenario.file_reader import check_scenario as check_scenario
     from navstack.scenario.file_reader import check_unique_names as check_unique_names
-    from navstack.scenario.file_reader import is_scenario_file as is_scenario_file
     from navstack.scenario.file_reader import load_scenario as load_scenario
     from navstack.scenario.file_reader import read_scenario as read_scenario
     from navstack.scenario.file_reader import scenarios_in as scenarios_in
@@ -29,6 +28,8 @@ if TYPE_CHECKING:
     from navstack.scenario.places import load_places as load_places
     from navstack.scenario.places import visit_order as visit_order
     from navstack.scenario.random_scenarios import check_random as check_random
+    from navstack.scenario.recognition import is_scenario_file as is_scenario_file
+    from navstack.scenario.recognition import shipped_scenarios as shipped_scenarios
     from navstack.scenario.run import Run as Run
     from navstack.scenario.run import run_scenario as run_scenario
     from navstack.scenario.run import warm_up as warm_up
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from navstack.scenario.success import ConditionResult as ConditionResult
     from navstack.scenario.success import SuccessConditions as SuccessConditions
     from navstack.scenario.suites import load_suite as load_suite
-    from navstack.scenario.suites import shipped_scenarios as shipped_scenarios
     from navstack.scenario.suites import suite_names as suite_names
     from navstack.scenario.tour import TourResult as TourResult
     from navstack.scenario.tour import TourState as TourState

@@ -59,6 +59,7 @@ from navstack.plugins import ParamModel
 from navstack.scenario.fields import file_fields, file_key, file_model
 from navstack.scenario.interactions import INTERACTION, KINDS
 from navstack.scenario.places import Places, is_step_node, load_places, pose_of, visit_order
+from navstack.scenario.recognition import SUFFIXES, is_scenario_file
 from navstack.scenario.scenario import MAX_INTERACTIONS, Scenario, too_many_pedestrians
 from navstack.scenario.spec import (
     ScenarioSpec,
@@ -72,7 +73,6 @@ from navstack.scenario.spec import (
 from navstack.scenario.success import Success, SuccessConditions
 from navstack.sim import MOTIONS, PedestrianMotion, Shape
 
-_SUFFIXES: Final = (".yaml", ".yml")
 _OF_SPEC: Final = file_fields(ScenarioSpec)
 _OF_SCENARIO: Final = file_fields(Scenario)
 _SCALARS: Final = {"name": _OF_SCENARIO["name"], **_OF_SPEC, **_OF_SCENARIO}
@@ -358,7 +358,7 @@ def read_map(context: ReadContext) -> None:
 
 
 def read_places(context: ReadContext) -> None:
-    """Reads `places:`: a mapping, a file, or by default MAP.places.yaml beside the map."""
+    """Reads `places:`: a mapping, a file, or by default MAP.places.yaml next to the map."""
     node = context.section("places")
     if isinstance(node, DictNode):
         found: dict[str, Pose2D] = {}
@@ -634,16 +634,6 @@ def read_file(path: Path, shown: str | None = None) -> ReadContext:
     return context
 
 
-def is_scenario_file(path: Path) -> bool:
-    """True for a YAML file with the keys of a scenario, as opposed to a map or parameters. Reads the top level only."""
-    if path.suffix not in _SUFFIXES or not is_file(path):
-        return False
-    keys = read_yaml(path).root.items.keys()
-    if {"image", "resolution"} & keys:
-        return False
-    return "map" in keys or len({"start", "goals", "tour", "shapes", "success", "time_limit", "params"} & keys) >= 2
-
-
 def scenarios_in(folder: Path) -> list[ScenarioSpec]:
     """Reads the scenario files in a folder, ordered by file name; an empty list if there are none.
 
@@ -652,7 +642,7 @@ def scenarios_in(folder: Path) -> list[ScenarioSpec]:
     """
     found: list[ScenarioSpec] = []
     for file in sorted(folder.iterdir()):
-        if file.suffix not in _SUFFIXES or not file.is_file():
+        if file.suffix not in SUFFIXES or not file.is_file():
             continue
         errors = [f for f in in_order(read_yaml(file).findings) if f.severity == "error"]
         if errors:

@@ -26,7 +26,7 @@ def write_scenario(
 ) -> Scenario:
     """Writes the file and returns the scenario that it loads to, which gives the same run.
 
-    `map_file` is the file of the map; without one, or if it has other cells, the map is written beside the scenario.
+    `map_file` is the file of the map; without one, or if it has other cells, the map is written next to the scenario.
     `sources` are the parameters' `--params`: packaged sets keep their names if they and `set:` give the same parameters;
     otherwise all parameters are written. Raises OutputError.
     """

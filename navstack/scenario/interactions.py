@@ -114,7 +114,7 @@ class Drive(_Interaction):
 
 
 class Teleop(_Interaction):
-    """A command of a person's teleop, which goes the way of all commands: through multiplexer and collision monitor.
+    """A command of a person's teleop, which passes the multiplexer and the collision monitor as every command does.
 
     Without a command multiplexer it is refused while a goal is active.
     """

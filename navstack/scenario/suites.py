@@ -24,6 +24,7 @@ from navstack.scenario.barn import barn_scenarios
 from navstack.scenario.file_reader import read_scenario
 from navstack.scenario.places import load_places
 from navstack.scenario.random_maps import FreeSpace, rooms
+from navstack.scenario.recognition import shipped_scenarios
 from navstack.scenario.spec import ScenarioSpec, single_goal_spec
 from navstack.sim import PedestrianMotion, Shape
 
@@ -85,7 +86,7 @@ def crowd_scenario(number: int) -> ScenarioSpec:
     start, goal = (west, east) if number // 2 % 2 == 0 else (east, west)
     pedestrians: list[Shape] = []
     while len(pedestrians) < 3:
-        # they walk along the corridor and through the doors beside it
+        # they walk along the corridor and through the doors next to it
         at = Pose2D(round(rng.uniform(4.0, 20.0), 2), round(rng.uniform(6.8, 8.0), 2))
         other = (
             office.obstacle_space.draw(rng) if rng.random() < 0.3 else Pose2D(round(rng.uniform(1.0, 22.0), 2), at.y)
@@ -126,12 +127,6 @@ _GENERATED: Final[dict[str, Callable[[int], ScenarioSpec]]] = {
 
 DEFAULT_COUNT: Final = 16
 """Default number of scenarios of a generated suite: half for training, half held out."""
-
-
-def shipped_scenarios() -> dict[str, Path]:
-    """Returns the scenario files shipped with navstack, by name."""
-    folder = Path(__file__).parent / "files"
-    return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
 
 
 def suite_names() -> list[str]:

@@ -59,6 +59,7 @@ def params(**values: Any) -> MotionParams:
     return MotionParams(**({"disable_collision_checks": True} | values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "tracking"), [(5.0, "kanayama"), (20.0, "kanayama"), (20.0, "samson")])
 @pytest.mark.parametrize("base", [{}, MOVING], ids=["ideal", "accelerating"])
 @pytest.mark.parametrize("curve", CURVES)
@@ -78,6 +79,7 @@ def test_perfect_motion_stays_on_the_curve(curve: str, base: dict[str, Any], rat
     assert np.abs(np.diff(stage.commands[:, 2])).max() <= 2.0 / rate + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("curve", CURVES)
 def test_slip_and_noise_cost_centimeters_in_the_map(curve: str, seed: int) -> None:
@@ -90,6 +92,7 @@ def test_slip_and_noise_cost_centimeters_in_the_map(curve: str, seed: int) -> No
     assert errors.max() < 0.05
 
 
+@pytest.mark.slow
 def test_by_odometry_alone_the_curve_drifts_but_the_odometry_follows_it() -> None:
     motion = FollowTrajectory(CURVES["heart"], params(), here=True, measured_in="odom")
     stage = Stage(motion, seed=1, **NOISY)
@@ -98,6 +101,7 @@ def test_by_odometry_alone_the_curve_drifts_but_the_odometry_follows_it() -> Non
     assert true_errors(stage, motion).max() > last.data["error_max_m"]
 
 
+@pytest.mark.slow
 def test_the_robot_turns_to_the_initial_heading_before_the_clock_starts() -> None:
     curve = CURVES["heart"].moved_to(Pose2D(START.x, START.y, START.yaw + 2.5), "map")
     motion = FollowTrajectory(curve, params())

@@ -56,6 +56,7 @@ def assert_within_limits(stage: Stage, rate: float) -> None:
 # --- distances --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("base", [{}, MOVING], ids=["ideal", "accelerating"])
 @pytest.mark.parametrize("distance", [0.05, 0.5, -0.5, -2.0])
@@ -107,6 +108,7 @@ def test_a_robot_that_is_pushed_over_the_target_drives_back() -> None:
 # --- turns ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("base", [{}, MOVING], ids=["ideal", "accelerating"])
 @pytest.mark.parametrize("degrees", [10, -10, -90, 180, 270, 1000, -1000])
@@ -137,6 +139,7 @@ def test_a_turn_that_starts_near_the_wrap_of_the_heading_ends() -> None:
 # --- drive to a pose --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("backwards", [False, True])
 @pytest.mark.parametrize("base", [{}, MOVING], ids=["ideal", "accelerating"])

@@ -134,6 +134,7 @@ def test_figure_eight_and_heart_are_the_formulas_of_the_tutorial() -> None:
         heart(1.0, 0.0)
 
 
+@pytest.mark.slow
 @given(st.floats(0.0, 40.0))
 def test_between_samples_the_trajectory_is_the_curve(time: float) -> None:
     """Hermite cubics of 0.1 s: h⁴ / 384 times the fourth derivative."""

@@ -77,6 +77,7 @@ QUICK = tuple(word for setting in FAST for word in ("--set", setting))
 """Settings with which a run of a Jackal ends early, with or without success."""
 
 
+@pytest.mark.slow
 def test_barn_killed_and_resumed_by_one_process_equals_a_run_by_two(
     navstack, jackal: Path, fields: Path, tmp_path: Path
 ) -> None:
@@ -110,6 +111,7 @@ def test_barn_killed_and_resumed_by_one_process_equals_a_run_by_two(
     assert [0.3 < r["score"] <= 0.5 for r in one["runs"]] == [False, True, False, True]
 
 
+@pytest.mark.slow
 def test_barn_without_noise_counts_each_world_once_and_records_failures(
     navstack, jackal: Path, fields: Path, tmp_path: Path
 ) -> None:
@@ -132,6 +134,7 @@ def write_problems(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_movingai(navstack, tmp_path: Path) -> None:
     folder = write_problems(tmp_path / "movingai")
     document = navstack("bench", "movingai", folder, "--processes", 1, "--json")
@@ -143,6 +146,7 @@ def test_movingai(navstack, tmp_path: Path) -> None:
     assert text.startswith("astar") and "theta_star" not in text and "room" in text
 
 
+@pytest.mark.slow
 def test_planners(navstack, tmp_path: Path) -> None:
     """The exit code is 1 because carrot_planner follows the straight line and misses a pair or hits a wall."""
     command = ("bench", "planners", "office", "--pairs", 3, "--planner", "navfn/NavfnROS", "--planner", "astar",
@@ -169,6 +173,7 @@ def write_map(file: Path, *, wall: bool = False, image: bool = True) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_an_unreadable_map_in_a_folder_is_reported_and_skipped(navstack, tmp_path: Path) -> None:
     folder = tmp_path / "maps"
     for name in ("a/x/map.yaml", "b/x/m.yaml", "c/x/m.yml", "d/open.yaml"):
@@ -211,6 +216,7 @@ def write_scenario(file: Path, name: str = "trip", goal: str = "[4.0, 7.45, 0.0]
     return file
 
 
+@pytest.mark.slow
 def test_compare(navstack, tmp_path: Path) -> None:
     folder = tmp_path / "scenarios"
     folder.mkdir()
@@ -232,6 +238,7 @@ def test_compare(navstack, tmp_path: Path) -> None:
     assert "B.set.0 was" in message or "B.set was" in message
 
 
+@pytest.mark.slow
 def test_controllers(navstack, tmp_path: Path) -> None:
     trip = write_scenario(tmp_path / "trip.yaml", goal="[2.0, 7.45, 0.0]")
     arguments = ["bench", "controllers", trip, "--controller", "pure_pursuit", "--controller", "slow=turtlebot_rpp",
@@ -253,6 +260,7 @@ def test_controllers(navstack, tmp_path: Path) -> None:
     assert again["rows"] == rows
 
 
+@pytest.mark.slow
 def test_speed(navstack, tmp_path: Path) -> None:
     trip = write_scenario(tmp_path / "trip.yaml", goal="[2.0, 7.45, 0.0]")
     document = navstack("bench", "speed", trip, "--repeats", 1, "--json")
@@ -317,6 +325,7 @@ def test_scenarios_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert scenario.name == "trip"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "match"),
     [

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from navstack.cli.app import run
 
 
@@ -16,6 +18,7 @@ def test_a_caret_is_below_the_column(tmp_path, capsys) -> None:
     assert lines[at + 1].index("^") == lines[at].index("planner")
 
 
+@pytest.mark.slow
 def test_severities_have_the_same_names_everywhere(tmp_path, capsys) -> None:
     setting = ["--set", "DWAPlannerROS/max_vel_xx=0.4"]
     run(["check", "turtlebot", *setting])

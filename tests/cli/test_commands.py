@@ -22,6 +22,7 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_simulate_without_arguments(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["simulate"]) == 0
     out = capfd.readouterr().out
@@ -35,6 +36,7 @@ def test_simulate_without_arguments(in_folder: Path, capfd: pytest.CaptureFixtur
         assert min(picture.size) > 400
 
 
+@pytest.mark.slow
 def test_simulate_prints_only_json_to_stdout(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     code = run(["simulate", "--start", "3,3", "--goal", "4,3", "--json", "--seed", "7", "--out", "out"])
     captured = capfd.readouterr()
@@ -61,6 +63,7 @@ def test_simulate_prints_only_json_to_stdout(in_folder: Path, capfd: pytest.Capt
         assert Path(name).is_file()
 
 
+@pytest.mark.slow
 def test_plan_json_and_files(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     from navstack.scenario import load_places
 
@@ -75,6 +78,7 @@ def test_plan_json_and_files(in_folder: Path, capfd: pytest.CaptureFixture[str])
     assert json.loads(Path("out/plan.json").read_text())["poses"] == document["poses"]
 
 
+@pytest.mark.slow
 def test_plan_with_another_planner(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     from navstack.scenario import load_places
 
@@ -85,6 +89,7 @@ def test_plan_with_another_planner(in_folder: Path, capfd: pytest.CaptureFixture
         assert json.loads(capfd.readouterr().out)["planner"] in ("global_planner", "navfn")
 
 
+@pytest.mark.slow
 def test_plot_reproduces_the_picture(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     run(["simulate", "--start", "3,3", "--goal", "4,3", "--out", "run"])
     first = Path("run/run.png").read_bytes()
@@ -152,6 +157,7 @@ def test_compilation_is_announced_without_a_terminal(
     assert json.loads(captured.out)["planner"] == "navfn"
 
 
+@pytest.mark.slow
 def test_an_exceeded_time_limit_is_reported(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["simulate", "--goal", "6.2,12", "--time-limit", "1", "--out", "out"]) == 1
     out = capfd.readouterr().out
@@ -170,6 +176,7 @@ def test_states_are_a_picture_or_a_table(in_folder: Path, capfd: pytest.CaptureF
     assert not Path("states.doc").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["simulate", "tour"])
 def test_a_failed_goal_names_weights_of_another_scale(
     command: str, in_folder: Path, capfd: pytest.CaptureFixture[str]
@@ -187,6 +194,7 @@ def test_a_failed_goal_names_weights_of_another_scale(
     assert json.loads(capfd.readouterr().out)["advice"] == []
 
 
+@pytest.mark.slow
 def test_a_goal_that_is_reached_gets_no_advice(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     where = ["--start", "3,3", "--goal", "3.4,3"]
     assert run(["simulate", "office", *where, "--distro", "noetic", "--json"]) == 0

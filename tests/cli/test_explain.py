@@ -39,6 +39,7 @@ def is_picture(path: Path) -> bool:
         return min(image.size) > 300 and len(image.getcolors(1 << 24) or ()) > 20
 
 
+@pytest.mark.slow
 def test_cell_reports_the_origin_of_a_cost(navstack, driven: Path) -> None:  # noqa: F811
     outcome: Outcome = navstack("explain", "cell", driven, "--at", "-2,0.3")
     assert outcome.code == 0
@@ -63,6 +64,7 @@ def test_cell_at_a_time_in_the_local_costmap(navstack, driven: Path) -> None:  #
     assert document["frame"] == "odom"
 
 
+@pytest.mark.slow
 def test_passages_as_table_json_and_picture(navstack, drawn: Path, tmp_path: Path) -> None:  # noqa: F811
     out = tmp_path / "out"
     outcome = navstack("explain", "passages", drawn, "--out", out)
@@ -80,6 +82,7 @@ def test_passages_as_table_json_and_picture(navstack, drawn: Path, tmp_path: Pat
     ]
 
 
+@pytest.mark.slow
 def test_pictures_of_passages_are_reproducible(tmp_path: Path) -> None:
     for name in ("office", "maze", "warehouse"):
         pictures = [tmp_path / f"{name}{i}" for i in (1, 2)]
@@ -108,6 +111,7 @@ def test_a_map_without_walls_gets_a_note(navstack, tmp_path: Path) -> None:  # n
     assert len(json.loads(navstack("explain", "passages", path, "--unknown", "--json").out)["passages"]) == 1
 
 
+@pytest.mark.slow
 def test_inflation_as_table_json_and_picture(navstack, tmp_path: Path) -> None:  # noqa: F811
     out = tmp_path / "out"
     setting = "local_costmap/inflation_layer/inflation_radius=0.3"
@@ -121,6 +125,7 @@ def test_inflation_as_table_json_and_picture(navstack, tmp_path: Path) -> None: 
     assert written["curves"][0]["curve"][0] == {"cells": 0, "distance_m": 0.0, "cost": 254}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["global", "local"])
 def test_costmap_draws_the_recorded_costmap(navstack, driven: Path, tmp_path: Path, name: str) -> None:  # noqa: F811
     picture = tmp_path / f"{name}.png"
@@ -145,6 +150,7 @@ def test_the_picture_of_a_costmap_has_all_inputs_of_the_local_planner(driven: Pa
     assert np.mean(marked) > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -191,6 +197,7 @@ def test_invalid_options(navstack, arguments: tuple[str, ...], words: str) -> No
     assert words in outcome.err
 
 
+@pytest.mark.slow
 def test_invalid_output_files(navstack, driven: Path, tmp_path: Path) -> None:  # noqa: F811
     outcome = navstack("explain", "costmap", driven, "--out", tmp_path / "costmap.bmp")
     assert outcome.code == 2

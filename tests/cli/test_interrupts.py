@@ -27,6 +27,7 @@ def default_hangup() -> Generator[None]:
     signal.signal(signal.SIGHUP, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("command", ["simulate", "tour"])
 def test_a_signal_leaves_a_record(
@@ -57,6 +58,7 @@ def test_a_stopped_run_is_complete() -> None:
     assert len(result.recorder.record().results) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_leaves_no_part_of_a_film(
     number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -131,6 +133,7 @@ def test_two_runs_into_one_folder(command: str, tmp_path: Path, capfd: pytest.Ca
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["info"], ["info", "--json"], ["check", "turtlebot", "--json"], ["--version"]])
 def test_a_full_disk(arguments: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
@@ -143,6 +146,7 @@ def test_a_full_disk(arguments: list[str]) -> None:
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "key",
     [

@@ -12,6 +12,7 @@ from navstack.cli.app import run
 from navstack.global_planner import generate_lattice, write_lattice
 
 
+@pytest.mark.slow
 def test_generate_and_check(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     file, picture = tmp_path / "new" / "primitives.json", tmp_path / "primitives.png"
     command = ["lattice", "generate", "--motion-model", "diff", "--out", str(file), "--picture", str(picture)]

@@ -27,6 +27,7 @@ def test_the_table_of_commands_has_the_first_sentences_of_their_help(command: st
     assert listed == own, command
 
 
+@pytest.mark.slow
 def test_the_help_imports_no_command() -> None:
     code = "import sys; from navstack.cli.app import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -86,6 +86,7 @@ async def conversation(address: str) -> list[dict[str, Any]]:
                 return heard
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
 def test_a_recorded_run_shows_a_time_line(server: tuple[subprocess.Popen[str], str]) -> None:
     process, address = server
@@ -105,6 +106,7 @@ def test_a_recorded_run_shows_a_time_line(server: tuple[subprocess.Popen[str], s
     assert "there is no display here; open the address in a browser" in " ".join(err.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -125,6 +127,7 @@ def test_wrong_input_gets_one_sentence(
     assert sentence in said and "Traceback" not in said
 
 
+@pytest.mark.slow
 def test_a_used_port_gets_one_sentence(recorded: Path) -> None:
     with socket.socket() as used:
         used.bind(("127.0.0.1", 0))

@@ -25,6 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_move_there_and_back(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     for distance in ("0.4", "-0.4"):
         code, found = document(capsys, "move", distance, "--speed", "0.4")
@@ -40,6 +41,7 @@ def test_move_there_and_back(capsys: pytest.CaptureFixture[str], folder: Path) -
     assert "move-1 sent" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_turn_by_any_angle_in_a_scenario(capsys: pytest.CaptureFixture[str]) -> None:
     code, found = document(capsys, "turn", "-400deg", "narrow_door", "--speed", "1.5", "--out", "here")
     assert code == 0
@@ -49,6 +51,7 @@ def test_turn_by_any_angle_in_a_scenario(capsys: pytest.CaptureFixture[str]) -> 
     assert "turn turned -89.9 of -90.0 degrees" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_drive_to_a_pose_and_to_a_place(capsys: pytest.CaptureFixture[str]) -> None:
     code, found = document(capsys, "drive-to", "1.2,7.6,0.5", "--speed", "0.5", "--tolerance", "0.02")
     assert code == 0
@@ -61,6 +64,7 @@ def test_drive_to_a_pose_and_to_a_place(capsys: pytest.CaptureFixture[str]) -> N
     assert run(["drive-to", "corridor_west", "--start", away, "--out", "place"]) == 0
 
 
+@pytest.mark.slow
 def test_follow_prints_draws_and_writes_the_errors(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     assert run(["follow", "figure_eight", "--size", "0.6", "--speed", "0.4"]) == 0
     text = capsys.readouterr()
@@ -76,6 +80,7 @@ def test_follow_prints_draws_and_writes_the_errors(capsys: pytest.CaptureFixture
     assert run(["explain", "tracking", "navstack_follow", "--trajectory", "2"]) == 2
 
 
+@pytest.mark.slow
 def test_follow_a_file_where_it_says(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     file = save_trajectory(
         poly_path([[2.4, 11.0], [2.4, 11.8], [2.0, 12.2]], 0.2, end_velocity=(0, 0)), folder / "way.yaml"
@@ -93,6 +98,7 @@ def test_follow_a_file_where_it_says(capsys: pytest.CaptureFixture[str], folder:
     assert not list((folder / "navstack_follow").glob("tracking*"))  # those of the first run are gone
 
 
+@pytest.mark.slow
 def test_a_shape_starts_where_it_has_room(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["follow", "heart", "--size", "1.5", "--set", "navstack/motion/frequency=10"]) == 0
     assert "note: heart of 1.5 m starts at " in capsys.readouterr().err
@@ -119,6 +125,7 @@ def test_wrong_input(arguments: list[str], message: str, capsys: pytest.CaptureF
     assert message in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.slow
 def test_a_tour_of_steps(capsys: pytest.CaptureFixture[str]) -> None:
     steps = ["{move: 0.4}", "{turn: 90 deg}", "{wait: 0.5}", "{goto: corridor_west}", "{move: 40}"]
     code, found = document(capsys, "tour", *(part for step in steps for part in ("--step", step)))

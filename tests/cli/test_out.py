@@ -41,6 +41,7 @@ def test_one_product_by_its_suffix_or_all_in_a_folder(tmp_path: Path) -> None:
         folder_only(tmp_path / "run.npz")
 
 
+@pytest.mark.slow
 def test_commands_follow_the_rule(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     plan = ["plan", "office", "--start", "1,7.45", "--goal", "3,7.45", "-q", "--out"]

@@ -80,6 +80,7 @@ def test_migrate_to_one_file_gives_the_reason(robot: Path, capfd: pytest.Capture
     assert load_configuration(["new"]).local_planner.params.sim_time == 2.0
 
 
+@pytest.mark.slow
 def test_schema_and_reference(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["params", "schema", "--out", "all.json"]) == 0
     assert "DWAPlannerROS" in json.loads((robot.parent / "all.json").read_text(encoding="utf-8"))["properties"]

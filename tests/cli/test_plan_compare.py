@@ -12,6 +12,7 @@ from navstack.cli.app import run
 QUERY = ["plan", "office", "--start", "0.8,7.45", "--goal", "22.2,7.45"]
 
 
+@pytest.mark.slow
 def test_list_and_picture(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run([*QUERY, "--compare", "navfn, astar,theta_star,astar", "--json", "--out", str(tmp_path)]) == 0
     documents = json.loads(capfd.readouterr().out)
@@ -31,6 +32,7 @@ def test_table_with_a_planner_that_finds_no_plan(capfd: pytest.CaptureFixture[st
     assert "astar: the goal (15.000, 12.000) is in a cell of cost lethal" in captured.err
 
 
+@pytest.mark.slow
 def test_parameter_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     """A file over --params, a value of the planner, and a packaged set in the place of --params."""
     monkeypatch.chdir(tmp_path)
@@ -70,6 +72,7 @@ def test_invalid_input_gives_one_message(arguments: list[str], capfd: pytest.Cap
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
@@ -114,6 +117,7 @@ def test_messages_name_the_option(
     assert "--set" not in err
 
 
+@pytest.mark.slow
 def test_each_entry_may_have_a_smoother(capfd: pytest.CaptureFixture[str]) -> None:
     compare = "navfn+simple,navfn + constrained:default_tolerance=0.1,navfn"
     assert run([*QUERY, "--compare", compare, "--smoother", "savitzky_golay", "--json"]) == 0

@@ -27,6 +27,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_info(recorded: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["bag", "info", str(recorded / "run.bag")]) == 0
     out = capfd.readouterr().out
@@ -38,6 +39,7 @@ def test_info(recorded: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert document["roots"] == ["map"] and all(need["found"] for need in document["needs"])
 
 
+@pytest.mark.slow
 def test_export_and_replay(recorded: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     layout = tmp_path / "layout.json"
     target = tmp_path / "run.mcap"
@@ -64,6 +66,7 @@ def test_export_and_replay(recorded: Path, tmp_path: Path, capfd: pytest.Capture
     assert "is the replay of a log, which is needed again" in " ".join(capfd.readouterr().err.split())
 
 
+@pytest.mark.slow
 def test_scenario(recorded: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "moment" / "scenario.yaml"
     assert run(["bag", "scenario", str(recorded / "run.bag"), "--at", "5", "--out", str(file)]) == 0
@@ -74,6 +77,7 @@ def test_scenario(recorded: Path, tmp_path: Path, capfd: pytest.CaptureFixture[s
     assert load_map(file.with_name("scenario_map.yaml")).data.shape == scenario.map.data.shape
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -102,6 +106,7 @@ def test_wrong_input(
     assert message in " ".join(capfd.readouterr().err.split())
 
 
+@pytest.mark.slow
 def test_truncated_bag(recorded: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     content = (recorded / "run.bag").read_bytes()
     cut = tmp_path / "cut.bag"

@@ -42,6 +42,7 @@ def test_the_picture_has_every_event() -> None:
         assert shown, row
 
 
+@pytest.mark.slow
 def test_the_command_writes_picture_and_page(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "states.png"
     assert run(["info", "--states", str(picture), "--json"]) == 0

@@ -184,6 +184,7 @@ def shell(tmp_path: Path) -> Generator[Callable[..., Shell]]:
         it.close()
 
 
+@pytest.mark.slow
 def test_drive_and_quit_by_ctrl_c(shell: Callable[..., Shell], tmp_path: Path) -> None:
     it = shell("--no-map", "--rate", "2")
     it.wait_for("ready: speed 0.300 m/s, turn 0.600 rad/s")
@@ -209,6 +210,7 @@ def test_drive_and_quit_by_ctrl_c(shell: Callable[..., Shell], tmp_path: Path) -
     assert replayed.time == record.times[-1]
 
 
+@pytest.mark.slow
 def test_a_kill_restores_the_terminal_and_keeps_the_record(shell: Callable[..., Shell], tmp_path: Path) -> None:
     it = shell("--rate", "2")
     it.wait_for("any other key: stop")  # the map is drawn, with the help below it

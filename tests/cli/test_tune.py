@@ -12,6 +12,7 @@ from navstack.studies.jobs import SerialExecutor
 from tests.studies.room import make_room
 
 
+@pytest.mark.slow
 def test_sweep_prints_a_ranking_and_writes_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suite = make_room(tmp_path)
     options = [
@@ -54,6 +55,7 @@ def test_a_sweep_reports_runs_without_a_result(
     assert "gave no result: ZeroDivisionError: on purpose" in captured.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["tune", "sweep"])
 @pytest.mark.parametrize(
     ("options", "expected"),
@@ -81,6 +83,7 @@ def test_wrong_input(
     assert not out.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "expected"),
     [

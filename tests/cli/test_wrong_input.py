@@ -102,6 +102,7 @@ def test_corrupt_image(navstack, tmp_path: Path) -> None:
     assert "map.png" in outcome.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "goal", "words", "name"),
     [
@@ -128,6 +129,7 @@ def test_bad_poses(navstack, tmp_path: Path, start: str, goal: str, words: str, 
     assert document["error"]["message"]
 
 
+@pytest.mark.slow
 def test_no_path_is_a_failed_goal(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)
     outcome = navstack("plan", path, "--start", "1,1", "--goal", "5,2", "--json", "--out", tmp_path / "out")
@@ -136,6 +138,7 @@ def test_no_path_is_a_failed_goal(navstack, tmp_path: Path) -> None:
     assert [file.name for file in (tmp_path / "out").iterdir()] == ["plan.png"]  # shows the reason
 
 
+@pytest.mark.slow
 def test_simulate_an_unreachable_goal(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)
     outcome = navstack("simulate", path, "--start", "1,1", "--goal", "5,2", "--out", tmp_path / "out", "--json")

@@ -375,7 +375,7 @@ def test_start_policies(planner: tuple[str, dict[str, object]]) -> None:
     assert error.value.data["cost"] == 253
     assert error.value.data["nearest_free_distance_m"] == pytest.approx(2 * RESOLUTION)
     # clearing its cell is not enough: the cells around it are blocked too
-    with pytest.raises(StartOccupiedError, match="no free cell beside it"):
+    with pytest.raises(StartOccupiedError, match="no free cell next to it"):
         build(planner, start_policy="clear_cell").make_plan(costmap, start, goal, footprint=footprint)
     plan = build(planner, start_policy="clear_footprint").make_plan(costmap, start, goal, footprint=footprint)
     assert any("under the footprint" in note for note in plan.notes)

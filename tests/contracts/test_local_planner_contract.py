@@ -66,7 +66,7 @@ WANTED: dict[str, Any] = {
 }
 # turns in place come without the way to brake for them: the base does what it can, as in C++
 BRAKES_AT_ONCE = {"trajectory_rollout"}
-# what a planner can do beside its defaults; with False where samples are of more than one period
+# what a planner can do in addition to its defaults; with False where samples are of more than one period
 MODES: dict[str, dict[str, tuple[dict[str, Any], bool]]] = {
     "dwa": {
         "holonomic": ({"max_vel_y": 0.2, "min_vel_y": -0.2, "acc_lim_y": 1.0, "vy_samples": 5}, True),
@@ -187,6 +187,7 @@ def name(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
+@pytest.mark.slow
 def test_reaches_a_free_goal_from_64_headings(name: str) -> None:
     goal = Pose2D(1.0, 0.4, 0.5)
     for heading in HEADINGS:
@@ -196,6 +197,7 @@ def test_reaches_a_free_goal_from_64_headings(name: str) -> None:
         assert abs(angle_between(end.yaw, goal.yaw)) <= 0.2 + 1e-9, heading
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [1.0, 2.0, 5.0, 10.0, 20.0, 50.0])
 def test_reaches_a_free_goal_at_any_frequency(name: str, frequency: float) -> None:
     planner = make(name, controller_frequency=frequency)
@@ -217,7 +219,7 @@ def test_reaches_a_free_goal_in_every_mode(planner_name: str, mode: str) -> None
 
 @pytest.mark.parametrize("planner_name", [n for n in PLANNERS if "holonomic" in MODES.get(n, {})])
 def test_a_holonomic_robot_strafes(planner_name: str) -> None:
-    """To a goal beside the robot with the same heading: partly sideways if the sampling allows it."""
+    """To a goal next to the robot with the same heading: partly sideways if the sampling allows it."""
     planner = make(planner_name, **MODES[planner_name]["holonomic"][0])
     goal = Pose2D(0.7, 0.5, 0.0)
     planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
@@ -248,6 +250,7 @@ def test_stops_at_speed_limits_of_zero(name: str) -> None:
     assert planner.compute_command(inputs_at(pose, velocity)).command != Twist2D()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading", [0.0, 0.25])
 def test_a_straight_corridor_gives_a_straight_path(name: str, heading: float) -> None:
     """Between two walls the robot is within a cell of the plan after half a meter and rarely changes its turning direction."""
@@ -304,6 +307,7 @@ def test_the_command_has_its_table(name: str) -> None:
     assert plan.local_plan is not None and len(plan.local_plan) > 1
 
 
+@pytest.mark.slow
 def test_never_drives_into_an_obstacle(name: str) -> None:
     """A wall across the plan: no selected rollout has a footprint corner in a lethal cell, and the robot never collides."""
     wall = tuple((0.8, 0.025 + 0.05 * i) for i in range(-30, 30))

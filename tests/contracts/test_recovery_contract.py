@@ -52,6 +52,7 @@ def test_move_base_runs_it_and_can_cancel_it(cls: type[RecoveryBehavior]) -> Non
     assert (bench.robot.twist, bench.move_base.recovery) == (Twist2D(), None), running
 
 
+@pytest.mark.slow
 def test_a_cancel_takes_effect_within_a_control_cycle(cls: type[RecoveryBehavior]) -> None:
     period = 0.2
 

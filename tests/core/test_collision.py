@@ -46,7 +46,7 @@ def test_edge_costs_match_cpp(file: object) -> None:
     assert differing <= 0.01 * len(golden["footprint_cost"]) * 2
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(
     st.sampled_from([SQUARE, HOOK]),
     st.floats(-1.3, 1.3),

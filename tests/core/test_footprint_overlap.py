@@ -31,7 +31,8 @@ def overlap_m2(footprint: Footprint, pose: Pose2D) -> np.ndarray:
     return shapely.area(shapely.intersection(cells, shapely.Polygon(footprint.at(pose))))
 
 
-@settings(deadline=None, max_examples=150, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=150)
 @given(
     st.sampled_from([LONG, BOX, ROUND, HOOK, WEDGE]),
     st.floats(-0.5, 0.5),
@@ -51,7 +52,8 @@ def test_every_overlapped_cell_counts(footprint: Footprint, x: float, y: float, 
         assert perimeter_cost(costs, -1.5, -1.5, RESOLUTION, footprint.vertices, x, y, yaw, 1.0) == ON_LETHAL
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(st.sampled_from([LONG, BOX, ROUND, HOOK]), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-10.0, 10.0))
 def test_other_cells_count_only_where_cpp_draws_an_edge(footprint: Footprint, x: float, y: float, yaw: float) -> None:
     pose = Pose2D(x, y, yaw)
@@ -76,6 +78,7 @@ def test_touching_a_cell_is_no_overlap() -> None:
     assert footprint_cost(costmap, Footprint(square.vertices * 1.251), pose) == 254
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("footprint", [LONG, BOX])
 def test_a_corner_of_one_square_centimeter_is_found(footprint: Footprint) -> None:
     """Bresenham from corner to corner misses cells that the footprint overlaps by up to several square centimeters."""

@@ -12,7 +12,7 @@ from navstack.core.errors import InputError
 from tests.conftest import golden_files
 
 
-@settings(deadline=None, derandomize=True)
+@settings(deadline=None)
 @given(st.floats(-1e4, 1e4))
 def test_normalized_angles_are_in_the_half_open_interval(angle: float) -> None:
     turned = normalize_angle(angle)
@@ -29,7 +29,7 @@ def test_minus_pi_is_normalized_to_pi() -> None:
     assert abs(turned[1, 2]) < 1e-12
 
 
-@settings(deadline=None, derandomize=True)
+@settings(deadline=None)
 @given(st.integers(0, 79), st.integers(0, 49), st.sampled_from([0.05, 0.1, 0.025, 1.0]), st.floats(-50, 50))
 def test_cells_round_trip(ix: int, iy: int, resolution: float, origin: float) -> None:
     geometry = GridGeometry(80, 50, resolution, origin, -origin)

@@ -95,6 +95,7 @@ def test_numba_is_imported_at_the_first_call(tmp_path: Path) -> None:
     assert run(tmp_path, code) == "False"
 
 
+@pytest.mark.slow
 def test_only_a_change_of_content_compiles(machine: Machine, folder: Path) -> None:
     assert machine.outer(ADD, OUTER) == (2, ["outer", "add"])
     assert len(entries(folder)) == 2
@@ -112,6 +113,7 @@ def test_only_a_change_of_content_compiles(machine: Machine, folder: Path) -> No
     assert machine.outer(ADD, OUTER) == (2, [])
 
 
+@pytest.mark.slow
 def test_options_are_content(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     beyond = "@kernel\ndef outer(x):\n    return (np.arange(4))[x + {}]\n"
     assert machine.outer("import numpy as np\n" + beyond.format(2)) == (3, ["outer"])
@@ -121,6 +123,7 @@ def test_options_are_content(machine: Machine, monkeypatch: pytest.MonkeyPatch) 
         machine.outer("import numpy as np\n" + beyond.format(10**6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"\0" * 100, None], ids=["empty", "zeros", "truncated"])
 def test_damaged_files_are_compiled_again(machine: Machine, folder: Path, content: bytes | None) -> None:
     machine.outer(ADD, OUTER)
@@ -147,6 +150,7 @@ def test_kernels_work_if_the_folder_cannot_be_written(machine: Machine, folder: 
     assert machine.outer(ADD, OUTER) == (2, ["outer", "add"])
 
 
+@pytest.mark.slow
 def test_the_folder_is_that_of_the_user(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("a file where a folder should be")
@@ -188,6 +192,7 @@ def test_old_entries_and_folders_are_removed(machine: Machine, folder: Path) -> 
     assert recent.exists() and len(entries(folder)) == 2
 
 
+@pytest.mark.slow
 def test_constant_arguments_need_no_specialization(machine: Machine) -> None:
     calls = "@kernel\ndef outer(x):\n    return add(x) + add(1) + add(2)\n"
     assert machine.outer(ADD, calls) == (7, ["outer", "add"])
@@ -238,6 +243,7 @@ def listed(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_kernels_are_compiled_ahead_in_processes(listed: Path) -> None:
     assert run(listed, AHEAD, STOP="1", **{PROCESSES_VARIABLE: "2"}).splitlines()[0] == "interrupted"
     files = entries(next(listed.glob("cache/navstack/kernels-*")))
@@ -248,6 +254,7 @@ def test_kernels_are_compiled_ahead_in_processes(listed: Path) -> None:
     assert run(listed, AHEAD, **{PROCESSES_VARIABLE: "2"}).splitlines() == ["0", "[] 4"]
 
 
+@pytest.mark.slow
 def test_without_processes_kernels_are_compiled_at_their_first_call(listed: Path) -> None:
     broken = AHEAD.replace("reports = []", "reports = []; sys.executable = '/no/python'")
     assert run(listed, broken, **{PROCESSES_VARIABLE: "2"}).splitlines() == ["4", "[] 4 compiled"]

@@ -37,6 +37,7 @@ def spellings(walls: Any) -> list[tuple[Any, str | None]]:
     return same
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", NAMES)
 def test_no_plan_crosses_a_wall_in_any_dtype(planner: str) -> None:
     for array, values in spellings(WALL):

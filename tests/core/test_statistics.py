@@ -109,6 +109,7 @@ def test_the_rank_test_of_many_values_is_close_to_the_exact_one() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "skewed", "symmetric"), [(5, 0.84, 0.92), (10, 0.87, 0.92), (20, 0.90, 0.92)])
 def test_coverage_of_the_mean_of_skewed_times(n: int, skewed: float, symmetric: float) -> None:
     """Share of 400 experiments in which the interval contains the true mean; never below Student's."""
@@ -124,6 +125,7 @@ def test_coverage_of_the_mean_of_skewed_times(n: int, skewed: float, symmetric: 
         assert inside >= int(((t.low <= true) & (true <= t.high)).sum())
 
 
+@pytest.mark.slow
 def test_equal_sides_seldom_differ() -> None:
     """Skewed times of two equal sides: a difference is shown in at most 6 % of 300 comparisons, at every size."""
     rng = np.random.default_rng(5)

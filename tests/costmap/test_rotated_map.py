@@ -14,6 +14,7 @@ from navstack.costmap import CostmapParams, LayeredCostmap
 from tests.costmap.build import static
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.1, 0.4, -0.7, math.pi / 4, 2.0, -3.0])
 def test_no_obstacle_is_lost_and_walls_stay_closed(yaw: float) -> None:
     data = np.zeros((40, 50), np.int8)

@@ -88,6 +88,7 @@ def test_rejections_have_a_place(record: Record) -> None:
     assert f"{len(met)} obstacle (footprint on lethal" in report.rejections
 
 
+@pytest.mark.slow
 def test_the_picture_and_the_document(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "fan.png"
     assert run(["explain", "command", str(folder), "--time", "3.0", "--out", str(picture), "--json"]) == 0
@@ -106,6 +107,7 @@ def test_the_picture_and_the_document(folder: Path, tmp_path: Path, capsys: pyte
     assert len(capsys.readouterr().out.splitlines()) >= len(document["samples"])
 
 
+@pytest.mark.slow
 def test_the_same_picture_every_time(record: Record, tmp_path: Path) -> None:
     report = explain_command(record, 2.0)
     assert report.poses is not None and report.counts is not None and report.plan.totals is not None

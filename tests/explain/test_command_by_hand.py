@@ -31,6 +31,7 @@ def by_hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("time", "command", "text"),
     [
@@ -58,6 +59,7 @@ def test_the_printed_text(by_hand: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert "teleop has no trajectories to draw; omit --out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_the_chain_made_of_it(tmp_path: Path) -> None:
     extra = ", {velocity_smoother: {max_accel: [0.5, 0.0, 1.0]}}"
     (tmp_path / "run.yaml").write_text(SCENARIO.format(extra=extra), encoding="utf-8")

@@ -194,6 +194,7 @@ def test_unknown_goal_number(record: Record) -> None:
         explain_goals(empty)
 
 
+@pytest.mark.slow
 def test_command_prints_draws_and_writes(
     tmp_path: Path, unreachable: Record, run_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -218,6 +219,7 @@ def test_command_prints_draws_and_writes(
     assert not (tmp_path / "goals.gif").exists()
 
 
+@pytest.mark.slow
 def test_picture_shows_failures_and_plans(tmp_path: Path, unreachable: Record) -> None:
     from navstack.plot import plot_goal_reports
 
@@ -263,6 +265,7 @@ def test_an_expired_time_limit_is_not_called_a_cancel() -> None:
     assert canceled.summary.endswith(": canceled")
 
 
+@pytest.mark.slow
 def test_a_kidnapped_robot_finds_itself_and_the_timeline_says_so() -> None:
     overrides = ["navstack/sim/localization=amcl", "navstack/sim/laser/fov=4.0", "navstack/sim/laser/beams=90"]
     overrides += ["amcl/max_particles=800", "recovery_behaviors=[{name: localize, type: spin_to_localize}]"]

@@ -43,6 +43,7 @@ def test_the_average_and_its_samples(record: Path) -> None:
     assert any(note.startswith("effective sample size") for note in report.plan.notes)
 
 
+@pytest.mark.slow
 def test_the_command_line(record: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "fan.png"
     assert run(["explain", "command", str(record), "--time", "2", "--out", str(picture)]) == 0

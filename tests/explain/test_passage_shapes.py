@@ -17,6 +17,8 @@ from tests.explain.passage_scenes import KINDS, crossings, disagreements
 from tests.explain.passage_scenes import scene as random_scene
 from tests.explain.rooms import RESOLUTION, two_rooms
 
+pytestmark = pytest.mark.slow
+
 RADIUS = 0.6
 SCENES, QUERIES = [1, 4], 8
 

@@ -31,6 +31,7 @@ def report(configuration: Configuration, grid: OccupancyGrid, **limits: float) -
 WIDTHS = [0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.65, 0.7, 0.8, 0.9, 0.95, 1.0, 1.1, 1.2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", WIDTHS)
 def test_a_door_along_the_grid_has_its_width(turtlebot: Configuration, width: float) -> None:
     # the wall has whole cells: the middle of an even number of cells is on the edge of a cell
@@ -43,6 +44,7 @@ def test_a_door_along_the_grid_has_its_width(turtlebot: Configuration, width: fl
         assert math.hypot(door.x - at[0], door.y - at[1]) <= 2.0 * RESOLUTION
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [3, 10, 26.565, 37, 45, 58, 71, 88, 115, 140, 163])
 @pytest.mark.parametrize("width", [0.3, 0.5, 0.75, 0.9, 1.2])
 def test_a_door_in_a_turned_wall_is_true_to_a_cell(turtlebot: Configuration, width: float, degrees: float) -> None:
@@ -55,6 +57,7 @@ def test_a_door_in_a_turned_wall_is_true_to_a_cell(turtlebot: Configuration, wid
     assert abs(off) < math.atan2(0.25, width)  # from jamb to jamb
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0, 17, 45, 74, 90])
 @pytest.mark.parametrize("width", WIDTHS)
 def test_not_passable_means_that_no_free_cells_connect(turtlebot: Configuration, width: float, degrees: float) -> None:
@@ -93,6 +96,7 @@ def test_ratings_follow_the_cost(turtlebot: Configuration) -> None:
     assert "inflation radius 0.50 m" in found.passages[2].reason
 
 
+@pytest.mark.slow
 def test_the_rating_changes_at_the_required_widths(turtlebot: Configuration) -> None:
     required = report(turtlebot, bare_room()).widths
     cells = [round(width / RESOLUTION) for width in (required.minimum, required.low_cost)]
@@ -200,7 +204,8 @@ def disjoint_pillars(seed: int) -> np.ndarray:
     return blocked
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.floats(3.0, 20.0))
 def test_every_gap_between_two_obstacles_is_listed(seed: int, needed: float) -> None:
     blocked = disjoint_pillars(seed)
@@ -284,7 +289,8 @@ def test_the_local_costmap_judges_by_its_own_inflation() -> None:
     assert (by_global.rating, by_local.rating) == ("costly", "free")
 
 
-@settings(deadline=None, max_examples=25, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_a_mirrored_or_turned_map_has_the_same_widths(seed: int, pose: int) -> None:
     random = np.random.default_rng(seed)
@@ -306,6 +312,7 @@ def test_a_mirrored_or_turned_map_has_the_same_widths(seed: int, pose: int) -> N
         assert nearest == pytest.approx(place.distance / 2.0)  # its circle contains no obstacle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["navigation_tutorials__willow-full-0.10/willow-full.yaml"])
 def test_the_doors_of_willow_garage(turtlebot: Configuration, data_dir: Path, name: str) -> None:
     path = data_dir / "maps" / name

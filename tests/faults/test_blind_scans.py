@@ -92,6 +92,7 @@ def test_with_an_expected_update_rate_the_robot_stops_within_it(bend: Callable[[
     assert bend(scan([1.0])).frame in handle.result.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bend", [unknown_frame, old_stamp, new_stamp])
 def test_without_one_it_warns_at_once_and_every_10_s(bend: Callable[[LaserScan], LaserScan]) -> None:
     corridor = Corridor(bend)

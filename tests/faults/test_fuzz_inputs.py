@@ -13,6 +13,7 @@ from tools.fuzz.inputs import KINDS, Input, Inputs
 from tools.fuzz.run import Counts, Plan, fuzz, fuzz_in_processes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_mutated_inputs(kind: str) -> None:
     number = 100 if kind == "log" else 400  # a log takes ten times as long as another input
@@ -22,6 +23,7 @@ def test_mutated_inputs(kind: str) -> None:
     assert counts.unmade + counts.tracebacks + counts.large == []
 
 
+@pytest.mark.slow
 def test_an_input_depends_on_seed_and_number_only(tmp_path: Path) -> None:
     import random
 
@@ -70,6 +72,7 @@ def _accept() -> None:
     return
 
 
+@pytest.mark.slow
 def test_failing_reads_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     class Numbered:
         def __init__(self, text: str) -> None:

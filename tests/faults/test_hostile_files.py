@@ -154,6 +154,7 @@ def test_an_alias_bomb_in_a_map(key: str, folder: Path) -> None:
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", ["[" * 40 + "]" * 40, "[" + "1, " * 5000 + "1]", f"'{'x' * 50_000}'", "9" * 5000])
 def test_a_large_value_is_shortened_in_the_message(value: str, folder: Path) -> None:
     for key in ("resolution", "origin", "negate", "mode"):
@@ -307,6 +308,7 @@ FORGED_SCENARIOS: dict[str, tuple[str, Any, str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORGED_SCENARIOS)
 def test_a_forged_scenario(name: str, tmp_path: Path) -> None:
     members = Inputs(tmp_path).members

@@ -145,7 +145,7 @@ def test_images_that_are_too_large(size: tuple[int, int], folder: Path) -> None:
     assert "larger than the limit of 80,000,000 cells; crop or resample it" in error_of(write(folder, image="map.pgm"))
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(
     content=st.binary(max_size=60), start=st.sampled_from([b"", b"P5\n", b"P2 3 3 255\n", b"\x89PNG\r\n\x1a\n", b"BM"])
 )
@@ -159,7 +159,7 @@ def test_any_bytes_as_an_image(tmp_path_factory: pytest.TempPathFactory, content
     assert grid.data.dtype == np.int8
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(text=st.text(max_size=80), key=st.sampled_from([*GOOD, "mode", "x"]))
 def test_any_text_as_a_value(tmp_path_factory: pytest.TempPathFactory, text: str, key: str) -> None:
     folder = tmp_path_factory.mktemp("map")

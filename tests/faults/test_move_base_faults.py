@@ -367,12 +367,14 @@ def run_one(seed: int) -> None:
     assert good.status is GoalStatus.SUCCEEDED, (about, good.result)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, COMBINATIONS, BATCH))
 def test_every_goal_ends_despite_faults(first: int) -> None:
     for seed in range(first, min(first + BATCH, COMBINATIONS)):
         run_one(seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in PLANNERS if n not in ("good", "fails at first", "fails sometimes")])
 def test_a_faulty_global_planner(name: str) -> None:
     bench = Bench(planner=StraightPlanner(PLANNERS[name]), recoveries=[Waiting("a")])
@@ -383,6 +385,7 @@ def test_a_faulty_global_planner(name: str) -> None:
     assert "StraightPlanner" in handle.result.message or expected == 208
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

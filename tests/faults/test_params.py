@@ -31,6 +31,7 @@ FILES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", FILES)
 def test_one_clear_message(case: str, tmp_path: Path) -> None:
     text, words = FILES[case]

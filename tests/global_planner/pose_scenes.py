@@ -138,7 +138,7 @@ def drive_of(kind: str, rng: np.random.Generator, radius: float) -> Drive:
 def rooms_around(
     kind: str, poses: NDArray[np.float64], footprint: Footprint, rng: np.random.Generator
 ) -> list[BaseGeometry]:
-    """Free areas beside the sweep of the drive."""
+    """Free areas next to the sweep of the drive."""
     front, side = float(footprint.vertices[:, 0].max()), float(footprint.vertices[:, 1].max())
     rear = -float(footprint.vertices[:, 0].min())
     wide = side + float(rng.uniform(0.1, 0.5))

@@ -71,6 +71,7 @@ def lattice(model: MotionModel, folder: Path, **values: Any) -> SmacLatticePlann
     return SmacLatticePlanner(SmacLatticeParams(lattice_filepath=str(file), **values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["DUBIN", "REEDS_SHEPP", "ackermann", "diff", "omni"])
 def test_a_path_found_from_the_goal(kind: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """It ends exactly where it should, has no faults, and costs hardly more than one found from the start."""
@@ -108,6 +109,7 @@ def test_without_curves_no_search_begins_at_the_goal(monkeypatch: pytest.MonkeyP
     assert not Referee(room(), LOPSIDED, False, 1.0, False).motion_faults(path)
 
 
+@pytest.mark.slow
 def test_a_goal_that_cannot_be_entered() -> None:
     """The robot would have to back into the alcove: the search does not fill the room, and the error says so."""
     with pytest.raises(NoValidPathError, match="no way leads to the goal: backward from it") as error:
@@ -126,6 +128,7 @@ def test_a_pose_within_the_tolerance_of_a_goal_that_cannot_be_entered() -> None:
     assert not Referee(room(), LOPSIDED, False, 1.0, False).faults(plan, START, end)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["REEDS_SHEPP", "diff"])
 def test_a_gap_narrower_than_the_robot(kind: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The search ends when it takes long, with the place of the gap, and not where the robot fits through."""

@@ -70,7 +70,7 @@ def test_theta_star_is_straight_in_free_space() -> None:
 
 def test_corners_are_cut_only_where_allowed() -> None:
     costmap = empty(5, 5)
-    costmap.data[2, 1] = 254  # beside the diagonal from (1, 1) to (2, 2)
+    costmap.data[2, 1] = 254  # next to the diagonal from (1, 1) to (2, 2)
     start, goal = at(costmap, 1, 1), at(costmap, 2, 2)
     exact = AStarPlanner(AStarParams(neutral_cost=1.0, cost_factor=0.0)).make_plan(costmap, start, goal)
     cut = AStarPlanner(AStarParams(neutral_cost=1.0, cost_factor=0.0, cut_corners=True)).make_plan(costmap, start, goal)

@@ -26,6 +26,7 @@ def smoother(**values: Any) -> ConstrainedSmoother:
     return ConstrainedSmoother(ConstrainedSmootherParams(**values))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FILES, reason="the golden data of Nav2 are absent (NAVSTACK_GOLDEN_NAV2)")
 def test_equal_to_nav2_and_free() -> None:
     """`unchecked` is Nav2's path; `smooth` is free and keeps the radius where the path did."""
@@ -121,7 +122,7 @@ def test_turns_in_place_stay() -> None:
 
 
 def test_costs_under_points_of_the_robot() -> None:
-    """An obstacle beside the path: the path moves away from it, further with a point that reaches over to it."""
+    """An obstacle next to the path: the path moves away from it, further with a point that reaches over to it."""
     costmap = empty()
     iy, ix = np.mgrid[0:200, 0:200]
     costmap.data[:] = np.clip(250.0 - 6.0 * np.hypot(ix - 80.0, iy - 92.0), 0.0, 250.0).astype(np.uint8)

@@ -58,6 +58,7 @@ def test_words_and_cusps() -> None:
     assert reeds_shepp_curve(ORIGIN, Pose2D(2.0, 0.0, PI), 1.0).cusps == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [False, True])
 def test_brute_force_over_words(reverse: bool) -> None:
     """1e-9 radii; `python -m tests.global_planner.brute_force 1000000` compares more pairs."""

@@ -27,12 +27,14 @@ SIZES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "model", "ratio", "count"), SIZES)
 def test_as_many_primitives_as_nav2(radius: float, model: MotionModel, ratio: float, count: int) -> None:
     lattice = generate_lattice(radius, 0.05, motion_model=model, distinctness_ratio=ratio)
     assert len(lattice.primitives) == count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["ackermann", "diff", "omni"])
 @pytest.mark.parametrize(("radius", "headings"), [(0.5, 16), (0.73, 24), (0.2, 8)])
 def test_properties_of_a_set(radius: float, headings: int, model: MotionModel) -> None:
@@ -57,6 +59,7 @@ def test_properties_of_a_set(radius: float, headings: int, model: MotionModel) -
     assert {(n // 4 + a) % n for a, *_ in ends} == set(range(n))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "headings"), [(0.2, 16), (2.0, 32), (0.3, 24), (5.0, 16)])
 def test_from_every_heading_a_car_turns_to_both_sides(radius: float, headings: int) -> None:
     """Also where all turns pass the end of a straight line, or begin farther away than the last new end."""
@@ -111,6 +114,7 @@ def change(content: Any, path: str, value: Any) -> None:
         content[last] = value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [

@@ -45,6 +45,7 @@ def test_the_clearance_is_that_of_brute_force(window: tuple[int, int, int, int])
     assert (clear.reshape(NY, NX) == brute_force_clearance(cells == 0, window)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.1])
 @pytest.mark.parametrize("cut_corners", [0, 1])
 def test_jumps_do_not_change_the_cost_of_a_line(share: float, cut_corners: int) -> None:

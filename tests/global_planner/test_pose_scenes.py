@@ -20,6 +20,7 @@ def plan(scene: Scene) -> Plan:
     return SmacHybridPlanner(params).make_plan(scene.costmap, scene.start, scene.goal, footprint=scene.footprint)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_scene_with_a_known_solution(kind: str) -> None:
     scene = solvable(kind, 0)

@@ -28,6 +28,7 @@ def planner(**values: Any) -> SmacHybridPlanner:
     return SmacHybridPlanner(SmacHybridParams(minimum_turning_radius=1.0, smooth_path=False, **values))
 
 
+@pytest.mark.slow
 def test_a_long_search_raises_the_weight(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer states, at a cost within the greatest weight; a weight of 1 stays."""
     monkeypatch.setattr(both_ends, "FIRST", 1 << 40)
@@ -42,7 +43,7 @@ def test_a_long_search_raises_the_weight(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_plan_to_the_same_goal_keeps_the_rest_of_the_last_one() -> None:
-    """From poses on it and beside it, as long as the costs that it depends on and the footprint stay."""
+    """From poses on it and next to it, as long as the costs that it depends on and the footprint stay."""
     costmap = Costmap(GridGeometry(2000, 120, 0.1), np.zeros((120, 2000), np.uint8))
     costmap.data[0:70, 30:34] = costmap.data[50:120, 60:64] = 254
     search = SmacHybridPlanner(SmacHybridParams(motion_model_for_search="REEDS_SHEPP", minimum_turning_radius=0.6))

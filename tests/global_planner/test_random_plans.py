@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from navstack.core import Path, Pose2D
 from navstack.global_planner.smoothers import (
@@ -16,6 +17,7 @@ from tests.global_planner.check_smoothed import between, check, random_cases
 from tests.global_planner.test_smoothers import empty
 
 
+@pytest.mark.slow
 def test_smoothed_plans() -> None:
     """No faults by shapely and closed forms, and most plans become smoother, at least in parts."""
     tallies, found = check(random_cases(16, 5, ("astar", "smac_hybrid RS raw")))

@@ -48,6 +48,7 @@ def rooms() -> np.ndarray:
     return lethal
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "penalty"), [("DUBIN", 2.0), ("REEDS_SHEPP", 1.0), ("REEDS_SHEPP", 2.0)])
 @pytest.mark.parametrize("resolution", [0.05, 0.1])
 def test_length_in_empty_space(model: str, penalty: float, resolution: float) -> None:
@@ -86,6 +87,7 @@ def test_a_reverse_penalty_counts_in_empty_space() -> None:
     assert (plans[1].path.directions == 1).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("footprint", "model"), [(BOX, "REEDS_SHEPP"), (BOX, "DUBIN"), (ROUND, "DUBIN")])
 def test_an_independent_referee(footprint: Footprint, model: str) -> None:
     """`python -m tests.global_planner.check_plans 10000` checks more, on the shipped and foreign maps."""
@@ -127,6 +129,7 @@ def test_a_cost_of_cusps_decides_between_words() -> None:
     assert plans[0].cost == pytest.approx(plans[0].length_m + 0.2, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_cost_of_cusps_prevents_zigzags() -> None:
     """A car turns round in an aisle of 1.2 m: without the cost, it shuttles by single cells."""
     lethal = np.zeros((36, 200), np.bool_)
@@ -202,7 +205,7 @@ def test_a_goal_in_an_obstacle() -> None:
 
 
 def test_a_blocked_goal_names_the_headings_that_fit() -> None:
-    """Beside a wall, those along it; in unknown space, that the map is unknown there."""
+    """Next to a wall, those along it; in unknown space, that the map is unknown there."""
     lethal = np.zeros((120, 120), bool)
     lethal[:, 60:] = True
     costmap = inflated(lethal, 0.05, 0.2)
@@ -218,6 +221,7 @@ def test_a_blocked_goal_names_the_headings_that_fit() -> None:
         unknown.make_plan(costmap, start, Pose2D(1.8, 3.0, 0.0), footprint=slim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.0, 0.15])
 def test_without_curves_paths_end_within_the_tolerance(tolerance: float) -> None:
     """Of the goal itself, also where a blocked one was moved: a state in the cell of the other goal may be farther away."""
@@ -237,7 +241,7 @@ def test_without_curves_paths_end_within_the_tolerance(tolerance: float) -> None
 
 
 def test_a_goal_that_obstacles_enclose() -> None:
-    """Of a goal that is free but enclosed, the plan ends within the tolerance, beside the walls; when they open, at the goal."""
+    """Of a goal that is free but enclosed, the plan ends within the tolerance, next to the walls; when they open, at the goal."""
     costmap = empty()
     costmap.data[80:101, 80:101] = 254
     costmap.data[82:99, 82:99] = 0
@@ -262,7 +266,7 @@ def test_limits() -> None:
 def test_start_in_an_obstacle() -> None:
     costmap = empty()
     start, goal = Pose2D(2.0, 2.0, 0.0), Pose2D(5.0, 3.0, 0.0)
-    costmap.data[38:40, 36:38] = 254  # beside the rear wheels
+    costmap.data[38:40, 36:38] = 254  # next to the rear wheels
     with pytest.raises(StartOccupiedError, match="start_policy is refuse"):
         planner(start_policy="refuse").make_plan(costmap, start, goal, footprint=BOX)
     plan = planner().make_plan(costmap, start, goal, footprint=BOX)
@@ -323,6 +327,7 @@ def test_bytes_per_visited_state() -> None:
     assert search.memory
 
 
+@pytest.mark.slow
 def test_random_input() -> None:
     """`python -m tests.global_planner.fuzz_poses hybrid 2000` runs more cases."""
     ends, faults = run("hybrid", 12, 5)
@@ -331,7 +336,7 @@ def test_random_input() -> None:
 
 
 def test_unknown_cells_hide_no_obstacles_in_downsampled_blocks() -> None:
-    """A wall of lethal cells with unknown ones beside them, in the same blocks."""
+    """A wall of lethal cells with unknown ones next to them, in the same blocks."""
     costmap = empty(4.0)
     costmap.data[:, 40], costmap.data[:, 41] = 254, 255
     search = planner(downsample_costmap=True, downsampling_factor=2, allow_unknown=True)
@@ -339,6 +344,7 @@ def test_unknown_cells_hide_no_obstacles_in_downsampled_blocks() -> None:
         search.make_plan(costmap, Pose2D(1.0, 2.0, 0.0), Pose2D(3.0, 2.0, 0.0), footprint=BOX)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "number"), [(8, 4), (17, 1), (27, 6), (51, 4)])
 def test_the_cost_is_finite(seed: int, number: int) -> None:
     """A piece of a path may have a sample in the corner of an inscribed cell that the checks of the whole curve stepped over."""

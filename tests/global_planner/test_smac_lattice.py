@@ -25,6 +25,7 @@ def planner(model: str = "ackermann", **values: Any) -> SmacLatticePlanner:
     return SmacLatticePlanner(SmacLatticeParams(lattice_filepath=FILE.format(model), **values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("footprint", "reverse"), [(BOX, True), (BOX, False), (ROUND, True)])
 def test_an_independent_referee(footprint: Footprint, reverse: bool) -> None:
     costmap = inflated(rooms(), RESOLUTION, footprint.inscribed_radius)
@@ -35,6 +36,7 @@ def test_an_independent_referee(footprint: Footprint, reverse: bool) -> None:
     assert found >= 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["diff", "omni"])
 def test_robots_that_turn_in_place(model: str) -> None:
     """Every start and goal with room to turn is found; the swept footprint is free, and steps are those of the robot."""
@@ -76,6 +78,7 @@ def test_an_omnidirectional_robot_slides() -> None:
         assert np.abs(np.diff(plan.path.poses[:, 2])).max() < 0.1
 
 
+@pytest.mark.slow
 def test_length_in_empty_space() -> None:
     """The shortest curve of the turning radius, from any heading to any heading."""
     rng = np.random.default_rng(6)
@@ -88,6 +91,7 @@ def test_length_in_empty_space() -> None:
             assert 0.997 * least - 1e-9 <= length <= 1.03 * shortest_word(start, goal, 0.5, penalty) + 1e-9
 
 
+@pytest.mark.slow
 def test_primitive_files(tmp_path: Path) -> None:
     """A file and what is generated for its name give the same plan; one for other cells is refused."""
     costmap = inflated(rooms(), RESOLUTION, 0.22)
@@ -133,6 +137,7 @@ def test_nav2_names_and_files_in_yaml(tmp_path: Path) -> None:
         load_configuration(["turtlebot"], overrides=[*values, f"smac_lattice.lattice_filepath={file}"])
 
 
+@pytest.mark.slow
 def test_random_input() -> None:
     """`python -m tests.global_planner.fuzz_poses lattice 2000` runs more cases."""
     ends, faults = run("lattice", 12, 5)

@@ -205,6 +205,7 @@ def motions() -> list[tuple[str, int]]:
     return [(model, row) for model in ("diff", "omni", "diff_corrected", "omni_corrected") for row in range(5)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "row"), motions())
 def test_motion_model(model: str, row: int) -> None:
     data = first_file("amcl_odom.npz")
@@ -247,6 +248,7 @@ def particle_set(poses: Array, weights: Array, seed: int = 0, **params: Any) -> 
     return particles
 
 
+@pytest.mark.slow
 @parametrized("amcl_clusters.npz", 2)
 def test_clusters(file: Path, name: str) -> None:
     data = case(file, name)

@@ -1,4 +1,4 @@
-"""The recorded drives of amcl: errors beside those of the real node, and drives with a drift that it does not survive.
+"""The recorded drives of amcl: errors compared with those of the real node, and drives with a drift that it does not survive.
 
 Drives, runs and maps are found by name in NAVSTACK_GOLDEN_ROS1. The parameters are amcl's of the recording; `learn_odometry` is
 navstack's default. A run is held if the last 20 estimates are within 0.5 m and 0.3 rad. Errors count from t = 20 s on, as in
@@ -126,6 +126,7 @@ def recorded(file: Path, laser: str) -> list[Errors]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("file", "laser"), drives() or NONE, ids=lambda v: v.stem if isinstance(v, Path) else v)
 def test_errors_are_not_above_those_of_the_real_node(file: Path, laser: str) -> None:
     if not laser:
@@ -142,6 +143,7 @@ def test_errors_are_not_above_those_of_the_real_node(file: Path, laser: str) -> 
         assert np.mean([getattr(run, name) for run in own]) <= np.quantile(means, 0.975), (name, own)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [0.1, -0.1])
 @pytest.mark.parametrize(("file", "laser"), drives() or NONE, ids=lambda v: v.stem if isinstance(v, Path) else v)
 def test_a_drift_of_a_tenth_of_a_radian_per_meter_is_survived(file: Path, laser: str, drift: float) -> None:

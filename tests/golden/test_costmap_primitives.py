@@ -26,6 +26,7 @@ def test_rays_clear_the_same_cells(primitives: dict[str, np.ndarray]) -> None:
         assert np.flatnonzero(grid == 0).tolist() == sorted(set(cells.tolist())), (x0, y0, x1, y1, longest)
 
 
+@pytest.mark.slow
 def test_slope_in_fixed_point_is_exact() -> None:
     """Every cell equals plain Bresenham, for lines of up to 3,000 cells."""
     rng = np.random.default_rng(1)

@@ -47,6 +47,7 @@ def three_goals(golden_dir: Path, data_dir: Path) -> tuple[list[dict[str, Any]],
     return theirs, drive(data_dir, tuple(Pose2D(*case["goal"][:3]) for case in theirs))
 
 
+@pytest.mark.slow
 def test_three_goals_are_reached_as_in_cpp(three_goals: tuple[list[dict[str, Any]], RunResult]) -> None:
     theirs, ours = three_goals
     for case, goal in zip(theirs, ours.goals, strict=True):
@@ -59,6 +60,7 @@ def test_three_goals_are_reached_as_in_cpp(three_goals: tuple[list[dict[str, Any
     assert ours.collisions == 0
 
 
+@pytest.mark.slow
 def test_the_third_goal_takes_as_long_as_in_cpp_with_or_without_its_full_turn(golden_dir: Path, data_dir: Path) -> None:
     """At (34.0, 14.3) noetic's scale gives a wall so much weight that every motion costs more than turning (parity 31).
 
@@ -89,6 +91,7 @@ def test_the_third_goal_takes_as_long_as_in_cpp_with_or_without_its_full_turn(go
     assert straight == pytest.approx([case["time"] - circle_s] * len(straight), rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_goal_inside_a_wall_is_aborted_with_the_reason(golden_dir: Path, data_dir: Path) -> None:
     (case,) = golden(golden_dir, "unreachable_asloaded")
     (goal,) = drive(data_dir, (Pose2D(*case["goal"][:3]),)).goals
@@ -119,6 +122,7 @@ run_scenario(scenario).recorder.save(out)
 """
 
 
+@pytest.mark.slow
 def test_a_run_is_identical_in_any_process(tmp_path: Path) -> None:
     for name in ("first", "second"):
         subprocess.run([sys.executable, "-c", OFFICE_CODE, str(tmp_path / name)], check=True)
@@ -134,6 +138,7 @@ def test_a_run_is_identical_in_any_process(tmp_path: Path) -> None:
         assert first == (tmp_path / "third" / file).read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["turtlebot", "published"])
 def test_indigo_scoring_drives_through_the_doors_of_the_office(source: str, request: pytest.FixtureRequest) -> None:
     if source == "published":

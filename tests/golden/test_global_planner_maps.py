@@ -31,6 +31,7 @@ def configuration() -> Configuration:
     return load_configuration(["turtlebot"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "file",
     [*(map_path(n) for n in map_names()), *small_maps()],

@@ -54,12 +54,13 @@ def legal_length(rows: list[str], problem: Problem, xy: NDArray[np.float64]) -> 
     length = 0.0
     for (ax, ay), (bx, by) in itertools.pairwise(cells):
         assert max(abs(ax - bx), abs(ay - by)) == 1
-        for x, y in {(bx, by), (ax, by), (bx, ay)}:  # all four cells beside a diagonal step, both of a straight one
+        for x, y in {(bx, by), (ax, by), (bx, ay)}:  # all four cells next to a diagonal step, both of a straight one
             assert rows[y][x] in ".GS", f"{problem}: through ({x}, {y})"
         length += math.hypot(ax - bx, ay - by)
     return length
 
 
+@pytest.mark.slow
 def test_astar_is_optimal_and_legal(folder: Path, astar: list[Answer]) -> None:
     rows = {name: walls(folder, name) for name in {a.problem.map for a in astar}}
     for answer in astar:
@@ -74,6 +75,7 @@ def test_the_check_rejects_a_cut_corner() -> None:
         legal_length([".@", ".."], problem, np.array([[0.0, 0.0], [1.0, 1.0]]))
 
 
+@pytest.mark.slow
 def test_theta_star_is_never_longer_and_legal(folder: Path, astar: list[Answer]) -> None:
     """On a third of the problems; ten points per cell along the lines are all in passable cells."""
     some = astar[::3]

@@ -4,7 +4,7 @@ The data are those of NAVSTACK_GOLDEN_NAV2 (default `../shared/golden_nav2`); jo
 differences of navstack (docs/parity/mppi.md) are off: `as_nav2`.
 
 Tolerances. Both compute in float32 (24 bits, 6e-8 relative) in another order. Velocities are sums and clips of the same numbers:
-1e-6. Points are sums of 56 steps of at most 0.15 m with sine and cosine within 1e-7: 2e-6 m beside the rounding of C++, which
+1e-6. Points are sums of 56 steps of at most 0.15 m with sine and cosine within 1e-7: 2e-6 m plus the rounding of C++, which
 stores absolute positions of up to 10 m with 5e-7 m each, 56 times: 2e-5 m. Scores are means of such numbers times weights of up
 to 35: 1e-4 relative. A point within 2e-5 m of the border of a cell may count as in the next one: that is 2 * 2e-5 / 0.05, 0.08 %
 of the points and, with 28 points, 2 % of the trajectories, whose costs differ by a few units of a cell's; in the mean far fewer.
@@ -266,6 +266,7 @@ def test_a_whole_cycle(step: Step) -> None:
         close(optimizer.controls, gold["cs_out"], CYCLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", jobs("loop"))
 def test_closed_loops_cycle_by_cycle(name: str) -> None:
     """Every cycle from C++'s own state before it."""

@@ -33,6 +33,7 @@ def messages(data: dict[str, NDArray[Any]], mode: str) -> list[tuple[float, bool
     return sorted(found, key=lambda m: (m[0], m[1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "mode"), CASES or [(Path(), "")], ids=[f"{f.stem}-{m}" for f, m in CASES] or ["no data"]
 )

@@ -77,6 +77,7 @@ def test_velocities_follow_commands_immediately(file: Path) -> None:
         assert velocities <= known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=lambda f: f.name)
 def test_our_robot_integrates_in_the_same_way(file: Path) -> None:
     """Whole drives end at the same pose within 2 mm, the rounding of the log; measured 1.0, 0.8, 1.6 mm."""

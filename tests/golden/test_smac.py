@@ -86,6 +86,7 @@ def ratios(name: str, *, max_iterations: float) -> tuple[list[float], list[int]]
     return found, missed
 
 
+@pytest.mark.slow
 def test_found_wherever_cpp_finds_and_not_costlier() -> None:
     """Jobs of the office and the depot with default features; a goal moved by `tolerance` is another goal."""
     names = [n for n in HYBRID if ("_r0.4_" in n or "_r1.0_" in n) and not n.startswith("willow")]
@@ -99,6 +100,7 @@ def test_found_wherever_cpp_finds_and_not_costlier() -> None:
     assert max(everything) <= WORST
 
 
+@pytest.mark.slow
 def test_what_only_cpp_finds_collides() -> None:
     """Where we find no path, C++'s overlaps obstacles; even with a footprint that is 0.4 % smaller, none leads away."""
     name = next((n for n in HYBRID if n == "willow_hybrid_dubin_r1.0_rect"), None)

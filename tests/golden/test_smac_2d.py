@@ -32,6 +32,7 @@ def cost_of(poses: NDArray[np.float64], costmap: Costmap, params: Smac2DParams) 
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GRIDS)
 def test_found_wherever_cpp_finds_and_not_costlier(name: str) -> None:
     job, maps, paths = JOBS[name], archive("smac_maps.npz"), archive("smac_paths.npz")

@@ -60,6 +60,7 @@ def ratios(name: str, job: dict[str, Any]) -> list[float]:
     return found
 
 
+@pytest.mark.slow
 def test_found_wherever_cpp_finds_and_not_costlier() -> None:
     assert LATTICE
     everything = np.array([ratio for name in LATTICE for ratio in ratios(name, JOBS[name])])

@@ -3,7 +3,7 @@
 The data are those of NAVSTACK_GOLDEN_ROS1 (default `../shared/golden_ros1`): every configuration and scene is found by name.
 
 The rules that navstack adds (docs/parity/trajectory_rollout.md) are switched off by `Additions.none()`. One difference remains:
-where the footprint overlaps a lethal or unknown cell beside C++'s lines from corner to corner, navstack may reject a sample that
+where the footprint overlaps a lethal or unknown cell next to C++'s lines from corner to corner, navstack may reject a sample that
 C++ accepts (`overlaps`); each such sample must overlap one.
 
 Tolerances: poses are computed in double in both, with the operations in the same order, so they are equal up to the last bit of
@@ -210,6 +210,7 @@ def test_one_cycle(file: FilePath, config: str, scene: str) -> None:
     assert flags_of(case.planner) == cpp_flags(expected["flags"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("file", "config", "loop"), LOOPS, ids=[f"{f.stem}-{c}-{k}" for f, c, k in LOOPS])
 def test_closed_loop(file: FilePath, config: str, loop: str) -> None:
     """Every cycle: the state that the commands so far lead to, command, cost and flags (20 Euler steps a cycle)."""

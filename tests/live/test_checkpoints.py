@@ -51,6 +51,7 @@ def crowd(tmp_path: Any) -> Scenario:
     return load_scenario(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -124,6 +125,7 @@ def test_a_part_that_cannot_be_copied() -> None:
     assert snapshot([1, threading.Lock()]) is None
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(0.5, 400.0), min_size=1, max_size=150))
 def test_checkpoints_are_bounded_and_dense_in_the_recent_past(steps: list[float]) -> None:
     copied = snapshot(0)
@@ -149,6 +151,7 @@ def dense(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "SPACING_FAST", 4)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("dense")
 def test_going_back_starts_at_a_checkpoint(session: Session, run_to: Advance) -> None:
     run_to(session, 8.0)
@@ -167,6 +170,7 @@ def test_going_back_starts_at_a_checkpoint(session: Session, run_to: Advance) ->
     session.recorded()  # raises if simulating from the start gives another run
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("dense")
 def test_explanations_from_a_checkpoint_are_those_of_the_whole_run(
     session: Session, run_to: Advance, monkeypatch: pytest.MonkeyPatch
@@ -192,6 +196,7 @@ def test_explanations_from_a_checkpoint_are_those_of_the_whole_run(
         assert answers.what_happened(record, number, name) == answers.what_happened(whole, number)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("dense")
 def test_checkpoints_of_a_dropped_future_are_not_used(session: Session, run_to: Advance) -> None:
     run_to(session, 6.0)

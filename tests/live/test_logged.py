@@ -29,6 +29,7 @@ def advance(session: LoggedSession, until: float = float("inf")) -> None:
         session.step_once()
 
 
+@pytest.mark.slow
 def test_a_replay_has_a_time_line(record: Record) -> None:
     session = LoggedSession(record)
     stage = Stage([session], Options(fixed=True))

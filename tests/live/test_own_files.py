@@ -62,6 +62,7 @@ def test_other_names_are_refused(mine: Path, name: str) -> None:
         OwnFiles([("turtlebot",)], mine).load(name)
 
 
+@pytest.mark.slow
 def test_switching_while_driving_is_part_of_the_run(office: Scenario, mine: Path, run_to: Any, tmp_path: Path) -> None:
     file = next(file for file in (mine / "mine").iterdir() if "max_vel_x:" in file.read_text(encoding="utf-8"))
     lines = [
@@ -81,6 +82,7 @@ def test_switching_while_driving_is_part_of_the_run(office: Scenario, mine: Path
     assert saved.interactions
 
 
+@pytest.mark.slow
 def test_saving_in_place_keeps_layout_and_comments(office: Scenario, mine: Path) -> None:
     pytest.importorskip("ruamel.yaml")
     before = {file: file.read_text(encoding="utf-8") for file in (mine / "mine").iterdir()}
@@ -99,6 +101,7 @@ def test_saving_in_place_keeps_layout_and_comments(office: Scenario, mine: Path)
     assert sorted(path.name for path in mine.iterdir()) == ["link.yaml", "mine", "notes.yaml", "readme.txt"]
 
 
+@pytest.mark.slow
 def test_files_outside_of_the_folder_are_not_written(office: Scenario, mine: Path, tmp_path: Path) -> None:
     pytest.importorskip("ruamel.yaml")
     before = {file: file.read_bytes() for file in (mine / "mine").iterdir()}

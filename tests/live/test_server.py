@@ -150,6 +150,7 @@ def test_names_that_dns_could_point_here_are_refused_beyond_loopback() -> None:
     assert not gate.host_is_right("evil.example:8765") and not gate.host_is_right(None)
 
 
+@pytest.mark.slow
 def test_frames_are_differences(session: Session) -> None:
     async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
         socket = await connect(client, address)
@@ -173,6 +174,7 @@ def test_frames_are_differences(session: Session) -> None:
     served(session, body)
 
 
+@pytest.mark.slow
 def test_a_slow_page_gets_fewer_frames(session: Session) -> None:
     async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
         socket = await connect(client, address)
@@ -219,6 +221,7 @@ def test_viewers_and_recorded_runs_change_nothing(session: Session) -> None:
     served(session, body, fixed=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["../evil", "a/b", "..", ".hidden", "", "x" * 200, "a\\b", "/etc/passwd"])
 def test_files_are_saved_into_the_named_folder_only(session: Session, tmp_path: Path, name: str) -> None:
     async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:

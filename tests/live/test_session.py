@@ -25,6 +25,7 @@ def test_a_run_without_interactions_gives_the_record_of_simulate(
     assert mine == recorder.save(tmp_path / "simulate")["record"].read_bytes()
 
 
+@pytest.mark.slow
 def test_a_saved_session_drives_again_byte_for_byte(session: Session, run_to: Advance, tmp_path: Path) -> None:
     run_to(session, 2.0)
     session.interact({"kind": "put", "shape": {"name": "box", "box": [0.3, 0.3], "pose": [3.0, 7.5]}})

@@ -50,6 +50,7 @@ def random_cycles(controller: Any, cycles: int, seed: int) -> list[Twist2D]:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.4, 0.85, 2.0])
 def test_a_car_keeps_its_turning_radius_and_every_acceleration(radius: float) -> None:
     """Random paths, half of them behind the robot."""
@@ -72,7 +73,8 @@ def test_a_car_keeps_its_turning_radius_and_every_acceleration(radius: float) ->
             assert abs(after - before) <= limit * 0.05 + 1e-9
 
 
-@settings(deadline=None, derandomize=True, max_examples=300)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=300)
 @given(
     radius=st.floats(0.2, 3.0),
     last_v=st.floats(-1.0, 1.0),

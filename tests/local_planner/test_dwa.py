@@ -447,6 +447,7 @@ def test_the_local_plan_ends_one_pose_beyond_the_window() -> None:
 # --- memory -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow() -> None:
     planner = planner_on()
     inputs = at(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0))

@@ -71,6 +71,7 @@ def test_does_not_back_into_an_obstacle(behind: float) -> None:
         planner(escape_vel=-0.3).compute_command(at(Pose2D(0.0, 0.0), costmap(*wall)))
 
 
+@pytest.mark.slow
 def test_escapes_from_the_same_place_lead_farther() -> None:
     """In a narrow dead end each escape leads farther back, up to the reach of the rollouts."""
     tunnel = [(x, y) for y in (-0.225, 0.225) for x in np.arange(-2.5, 0.8, 0.04)]
@@ -96,6 +97,7 @@ def test_escapes_from_the_same_place_lead_farther() -> None:
     assert max(lengths) <= 0.6
 
 
+@pytest.mark.slow
 def test_drives_on_after_one_full_turn_in_place() -> None:
     """A gate that costs more than its gain: C++ turns in front of it forever; here the robot passes it after a full turn."""
     grid = costmap()
@@ -157,6 +159,7 @@ def test_mirrored_scenes_give_mirrored_tables() -> None:
     assert equal >= 0.95 * pairs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading", [0.0, 0.3, -0.3])
 def test_a_straight_corridor_gives_a_straight_path(heading: float) -> None:
     """Once on the plan, the robot stays within half a cell of it (two if it starts at an angle: within two cells of the plan

@@ -137,6 +137,7 @@ def test_a_turn_takes_the_time_of_the_closed_form() -> None:
 # --- limits over random cycles ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LIMIT_CASES)
 def test_no_limit_is_exceeded(name: str) -> None:
     """Velocity, acceleration from command to command, turning radius. `tools/search_limits.py` searches longer."""
@@ -247,7 +248,7 @@ def test_a_car_keeps_closer_to_its_path_where_the_arc_cuts_a_corner(radius: floa
 
 @pytest.mark.parametrize("may_turn", [False, True])
 def test_a_blocked_robot_turns_to_where_the_arc_is_free(may_turn: bool) -> None:
-    """A mark beside the path: the robot turns away from it, drives past without a contact, and does not turn back and forth."""
+    """A mark next to the path: the robot turns away from it, drives past without a contact, and does not turn back and forth."""
     controller = pursuit(
         use_collision_detection=True, use_dynamic_window=True, use_rotate_to_heading=False, max_linear_accel=1.0
     )

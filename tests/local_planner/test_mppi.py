@@ -93,6 +93,7 @@ def test_the_noise_is_independent() -> None:
         assert abs(np.corrcoef(base**2, other**2)[0, 1]) < bound
 
 
+@pytest.mark.slow
 def test_the_noise_is_a_function_of_its_counter() -> None:
     """The same in another process, and new in every cycle only if asked."""
     code = "from tests.local_planner.test_mppi import normals; print(normals(3, 4, 512).tobytes().hex())"

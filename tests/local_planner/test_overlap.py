@@ -142,7 +142,8 @@ def test_a_mark_under_the_center_is_not_left() -> None:
         )
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=40)
 @given(
     footprint=st.sampled_from([BOX, L_SHAPE, DISC]),
     marks=st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)), min_size=1, max_size=4),

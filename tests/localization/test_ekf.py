@@ -198,6 +198,7 @@ def test_prediction_does_not_change_the_filter() -> None:
     assert ekf.pose.x == 0.0
 
 
+@pytest.mark.slow
 def test_covariances_stay_positive_definite() -> None:
     """Random inputs of every kind and size; `tools/fuzz_ekf.py` runs a million."""
     file = Path(__file__).resolve().parents[2] / "tools" / "fuzz_ekf.py"

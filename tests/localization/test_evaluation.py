@@ -26,6 +26,7 @@ def log_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_corrected_log(path, rooms(), circle(Transform2D(1.0, 4.5, 0.2), 16))
 
 
+@pytest.mark.slow
 def test_a_map_from_odd_scans_and_tracking_on_the_even_ones(
     log_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -66,6 +66,7 @@ def drive(localizer: Any, *, defective: bool, globally: bool) -> list[tuple[floa
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("globally", [False, True])
 @pytest.mark.parametrize("name", LOCALIZERS)
 def test_defective_inputs_are_rejected_and_change_nothing(name: str, globally: bool) -> None:

@@ -89,6 +89,7 @@ def test_drives_that_cannot_be_judged() -> None:
         run_starts(lambda: line(60), lambda _: Told(0.0), 50)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = write_corrected_log(tmp_path / "drive.log", rooms(), circle(Transform2D(1.0, 4.5, 0.2), 24))
     yaml = str(save_map(rooms(), tmp_path / "rooms.yaml")[0])

@@ -135,6 +135,7 @@ def test_a_truncated_compressed_log(log_file: Path) -> None:
         open_scan_log(packed)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not LOGS, reason="no foreign data: set NAVSTACK_DATA to their folder")
 @pytest.mark.parametrize("file", LOGS, ids=lambda f: f.name)
 def test_real_logs(file: Path) -> None:

@@ -28,6 +28,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_messages_are_ordered_and_typed(logs: dict[str, Path], name: str) -> None:
     with nav.logs.open(logs[name]) as log:
@@ -93,6 +94,7 @@ def _mcap_of_several_chunks(path: Path) -> tuple[list[bytes], int, int]:
     return whole, last.chunk_start_offset, last.chunk_start_offset + 9 + 28 + 4 + len(last.compression) + 8
 
 
+@pytest.mark.slow
 def test_damaged_chunk_of_an_indexed_mcap_is_an_error_where_it_is_read(tmp_path: Path) -> None:
     """The summary is enough to open a file: a chunk is read when its messages are wanted."""
     file = tmp_path / "long.mcap"
@@ -110,6 +112,7 @@ def test_damaged_chunk_of_an_indexed_mcap_is_an_error_where_it_is_read(tmp_path:
     assert early == whole[: len(early)] and len(early) > 20
 
 
+@pytest.mark.slow
 def test_chunk_that_expands_to_more_than_it_claims_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "bomb.mcap"
     _, chunk, _ = _mcap_of_several_chunks(file)
@@ -174,6 +177,7 @@ def test_messages_out_of_order_are_sorted(tmp_path: Path) -> None:
         assert [m.data.data for m in log.messages()] == ["0", "1", "2", "3", "4", "5"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
 def test_compressed_bags(tmp_path: Path, compression: str) -> None:
     from rosbags.rosbag1 import Writer

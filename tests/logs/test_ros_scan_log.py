@@ -43,6 +43,7 @@ def assert_poses(frames: list[LoggedScan], truths: list[Transform2D]) -> None:
             assert tuple(frame.reference)[:2] == pytest.approx(tuple(truth)[:2], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".bag", ".mcap"])
 def test_poses_at_the_scans_and_an_upside_down_lidar(suffix: str, truths: list[Transform2D], tmp_path: Path) -> None:
     drive: ScanLog = open_scan_log(write_bag(tmp_path / f"drive{suffix}", rooms(), truths))
@@ -104,6 +105,7 @@ def test_topics_that_are_missing_or_in_doubt(truths: list[Transform2D], tmp_path
     assert "the log has no /scan; its only LaserScan /s is used for it" in open_scan_log(alone, MOUNTED).notes
 
 
+@pytest.mark.slow
 def test_the_commands_on_a_bag(
     bag: Path, truths: list[Transform2D], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,4 +1,4 @@
-"""A robot that does not know where it is: stopped, recovered, given up with the reason, planned anew when it is found."""
+"""A robot that does not know where it is: stopped, recovered, given up with the reason, planned again when it is found."""
 
 from __future__ import annotations
 

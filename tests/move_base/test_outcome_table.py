@@ -161,6 +161,7 @@ ELSEWHERE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", ROWS)
 def test_row(cause: str) -> None:
     bring_about, status, text = ROWS[cause]

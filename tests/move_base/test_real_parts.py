@@ -99,6 +99,7 @@ def test_bad_quaternion_while_driving() -> None:
     assert office.is_stopped()
 
 
+@pytest.mark.slow
 def test_no_plan() -> None:
     office = Office()
     handle = office.run(office.move_base.send_goal(WALL))
@@ -187,6 +188,7 @@ def bent(scan: LaserScan, kind: str) -> LaserScan:
     return replace(scan, stamp=scan.stamp + {"late": -0.3, "too late": -2.0, "from the future": 60.0}[kind])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["all NaN", "all inf", "late", "too late", "from the future"])
 def test_invalid_scans(kind: str) -> None:
     office = Office(

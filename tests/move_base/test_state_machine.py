@@ -65,6 +65,7 @@ def test_the_table_here_is_complete() -> None:
     assert len(MEANT) == len(Mode) * len(NavEvent)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mode", "event", "trigger"), list(itertools.product(Mode, NavEvent, Trigger)), ids=lambda v: v.name
 )

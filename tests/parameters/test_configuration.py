@@ -645,6 +645,7 @@ LAUNCHES = data_files("params/*/_launch/*")
 FOLDERS = [p for p in data_files("params/*") if p.is_dir()]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not LAUNCHES, reason="no foreign data here")
 @pytest.mark.parametrize("path", LAUNCHES, ids=lambda p: f"{p.parts[-3]}-{p.stem}"[:70])
 def test_launch_files_of_published_robots(path: Path) -> None:
@@ -659,6 +660,7 @@ def test_launch_files_of_published_robots(path: Path) -> None:
     assert {f.rule for f in findings if f.severity == "error"} <= acceptable
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FOLDERS, reason="no foreign data here")
 @pytest.mark.parametrize("path", FOLDERS, ids=lambda p: p.name)
 def test_folders_of_published_robots(path: Path) -> None:

@@ -30,6 +30,7 @@ def shown(loaded: Configuration, tmp_path: Path, **options: Any) -> Configuratio
     return load_configuration([str(file)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sources", ROBOTS, ids=IDS)
 def test_the_yaml_loads_to_the_same_configuration(sources: list[str], tmp_path: Path) -> None:
     loaded = None
@@ -112,7 +113,8 @@ VALUES = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(VALUES)
 def test_every_value_reads_back(value: Any) -> None:
     node, findings = parse_value(value_text(value), "x")

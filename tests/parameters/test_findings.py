@@ -54,6 +54,7 @@ def compare(name: str, text: str) -> None:
     assert text == file.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not ROBOTS, reason="no foreign data here: set NAVSTACK_DATA to their folder")
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_published_robot(robot: str, data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:

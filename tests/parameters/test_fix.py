@@ -149,6 +149,7 @@ def test_links_and_permissions_stay(tmp_path: Path) -> None:
     assert list((tmp_path / "real").iterdir()) == [real]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda path: path.name)
 def test_keys_of_published_robots(robot: Path, tmp_path: Path) -> None:
     """Renamed keys keep their meaning, and a second correction changes nothing."""

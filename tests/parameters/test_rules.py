@@ -70,6 +70,7 @@ def test_weights_that_are_large_on_both_scales_do_not_suggest_indigo() -> None:
     assert "divide" in one.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rule", "more", "numbers"),
     [

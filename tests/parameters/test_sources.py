@@ -208,6 +208,7 @@ def test_the_packaged_turtlebot_mirrors_the_published_one(data_dir: Path) -> Non
     assert added <= ours.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a/" * 100_000 + "b", "/".join(["a"] * 60)])
 def test_names_of_many_parts(name: str, tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"

@@ -173,6 +173,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 ROBOTS = data_files("params*/**/*.yaml")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not ROBOTS, reason="no foreign data here")
 def test_robots_files_read_as_pyyaml_reads_them() -> None:
     compared = 0

@@ -51,6 +51,7 @@ def test_only_the_changed_values_are_edited(tmp_path: Path) -> None:
     check(["turtlebot"], values, tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_a_shared_value_changed_for_one_costmap_gets_a_new_line(tmp_path: Path) -> None:
     values: dict[str, Value] = {RADII[0]: 0.7, "global_costmap/inflation_layer/cost_scaling_factor": 3.0}
     made = rewrite_parameters(["turtlebot"], values)
@@ -82,6 +83,7 @@ global_costmap:
 base_local_planner: 'dwa_local_planner/DWAPlannerROS'"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
 def test_flow_style_anchors_line_ends_and_no_last_newline(tmp_path: Path, newline: str) -> None:
     file = tmp_path / "mine.yaml"
@@ -114,6 +116,7 @@ def test_byte_order_mark_and_a_file_without_a_last_newline(tmp_path: Path) -> No
     check([str(folder)], values, tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_a_costmap_level_value_is_edited_where_it_applies(tmp_path: Path) -> None:
     folder = tmp_path / "robot"
     shutil.copytree(packaged_folder("turtlebot"), folder)
@@ -147,6 +150,7 @@ def test_launch_files_get_an_overlay(data_dir: Path, tmp_path: Path) -> None:
 ROBOTS = (["jackal_barn_fast_dwa"], ["turtlebot2/param"], ["pr2_stage"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot[0])
 def test_published_robots(data_dir: Path, tmp_path: Path, robot: list[str]) -> None:
     sources = [str(data_dir / "params" / name) for name in robot]

@@ -35,6 +35,7 @@ def frames(path: Path) -> list[np.ndarray]:
         return out
 
 
+@pytest.mark.slow
 def test_number_and_duration_of_frames(film):
     with Image.open(film) as image:
         # 7.8 s at 4 simulated s per second and 5 frames per second: 10 steps and the first frame
@@ -47,6 +48,7 @@ def test_number_and_duration_of_frames(film):
     assert durations == [200] * 10 + [2000]
 
 
+@pytest.mark.slow
 def test_the_driven_path_grows(film):
     shown = frames(film)
     assert all(frame.shape == shown[0].shape for frame in shown)
@@ -59,6 +61,7 @@ def test_the_driven_path_grows(film):
     assert (shown[-1][:3] == 255).all()
 
 
+@pytest.mark.slow
 def test_a_film_shows_recoveries_over_the_robot_and_trajectories_while_they_are_driven():
     from navstack.plot import canvas
     from navstack.plot.film import Film
@@ -74,18 +77,21 @@ def test_a_film_shows_recoveries_over_the_robot_and_trajectories_while_they_are_
         assert driven > stale + 60
 
 
+@pytest.mark.slow
 def test_a_film_shows_the_scans(tmp_path):
     with_scans = frames(animate_run(synthetic.record_run(3.0, scans=True).record(), tmp_path / "a.gif", fps=2))
     without = frames(animate_run(synthetic.record_run(3.0).record(), tmp_path / "b.gif", fps=2))
     assert count(with_scans[0], colors.SCAN) > count(without[0], colors.SCAN) + 100
 
 
+@pytest.mark.slow
 def test_animations_are_reproducible(short, film, tmp_path):
     again = animate_run(short, tmp_path / "again.gif", fps=5, speed=4)
     assert again.read_bytes() == film.read_bytes()
     assert [path.name for path in tmp_path.iterdir()] == ["again.gif"]
 
 
+@pytest.mark.slow
 def test_progress_is_reported_for_every_frame(short, tmp_path):
     reported = []
     animate_run(
@@ -94,6 +100,7 @@ def test_progress_is_reported_for_every_frame(short, tmp_path):
     assert reported == [(i, 5) for i in range(1, 6)]
 
 
+@pytest.mark.slow
 def test_runs_with_few_data(tmp_path):
     animate_run(a_run([(0, 0), (1, 0)], n=3), tmp_path / "bare.gif", dpi=50)
     assert len(frames(animate_run(a_run([(0, 0), (1, 0)], n=1), tmp_path / "one.gif", dpi=50))) == 1
@@ -115,6 +122,7 @@ def test_unknown_suffixes(short, tmp_path):
         animate_run(short, tmp_path / "run.avi")
 
 
+@pytest.mark.slow
 def test_a_failure_leaves_no_partial_file(short, tmp_path):
     def stop(done, total):
         if done == 3:
@@ -160,6 +168,7 @@ def test_mp4_without_ffmpeg(short, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_mp4_frames_have_even_sizes(short, tmp_path, monkeypatch):
     (tmp_path / "bin").mkdir()
     stand_in(tmp_path / "bin", COUNTS, monkeypatch)
@@ -169,6 +178,7 @@ def test_mp4_frames_have_even_sizes(short, tmp_path, monkeypatch):
     assert count_ == 11 + 10  # the last frame is shown for two seconds
 
 
+@pytest.mark.slow
 def test_mp4_reports_the_error_of_ffmpeg(short, tmp_path, monkeypatch):
     (tmp_path / "bin").mkdir()
     stand_in(tmp_path / "bin", REFUSES, monkeypatch)

@@ -74,6 +74,7 @@ NAMES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_picture_is_drawn_into_given_axes(drawings: dict[str, Callable[..., Any]], name: str) -> None:
     ax = Figure(figsize=(7.0, 5.0)).subplots()
@@ -88,6 +89,7 @@ def test_a_picture_is_drawn_into_given_axes(drawings: dict[str, Callable[..., An
     assert len(out.getvalue()) > 5000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_file_is_returned_and_not_mixed_with_axes(
     drawings: dict[str, Callable[..., Any]], name: str, tmp_path: Path
@@ -138,5 +140,6 @@ for draw in (
 """
 
 
+@pytest.mark.slow
 def test_a_picture_without_a_file_is_shown_by_notebooks(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-W", "error", "-c", NOTEBOOK], cwd=tmp_path, check=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from matplotlib.figure import Figure
 
 import navstack as nav
@@ -19,6 +20,7 @@ def test_a_map_shows_its_places_and_coordinates() -> None:
     assert axes.xaxis.get_gridlines()[0].get_visible()
 
 
+@pytest.mark.slow
 def test_the_command_draws_maps_by_name_and_by_file(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["plot", "maze", "--json"]) == 0

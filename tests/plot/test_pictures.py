@@ -76,6 +76,7 @@ def a_run(
 # --- plot_run ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_shows_paths_goals_and_incidents(record, tmp_path):
     image = pixels(plot_run(record, tmp_path / "run.png", dpi=130))
     height, width, _ = image.shape
@@ -112,6 +113,7 @@ def test_the_picture_is_cut_to_the_run(record):
     assert around.max_x - around.min_x < 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [[(0, 0), (60, 1)], [(0, 0), (1, 60)], [(0, 0), (0, 0)]])
 def test_aspect_ratio_of_long_tall_and_stationary_runs(points, tmp_path):
     image = pixels(plot_run(a_run(points, [(*points[-1], 0.0)]), tmp_path / "run.png", dpi=100))
@@ -149,6 +151,7 @@ def test_a_recovery_counts_once():
     assert [event.time for event in incidents(a_run([(0, 0), (1, 1)], events=events))] == [1, 4, 5, 6]
 
 
+@pytest.mark.slow
 def test_goals_not_reached_are_hollow(tmp_path):
     goals = [(1.0, 1.0, 0.0), (4.0, 1.0, 0.0)]
     images = [
@@ -159,6 +162,7 @@ def test_goals_not_reached_are_hollow(tmp_path):
     assert filled[0] > filled[1] > filled[2] > 0
 
 
+@pytest.mark.slow
 def test_records_with_missing_parts(tmp_path):
     empty = RunRecorder(map=None, footprint=Footprint.from_radius(0.2), scenario={}).record()
     assert headline(empty) == "a run without samples"
@@ -192,6 +196,7 @@ def test_a_rotated_map_and_a_plan_in_the_odometry_frame(tmp_path):
     assert np.ptp(ix) < 0.2 * np.ptp(iy)
 
 
+@pytest.mark.slow
 def test_thin_walls_are_visible_on_a_large_map(tmp_path):
     """A wall of one cell (5 cm) on 200 m is a quarter of a pixel wide."""
     cells = np.zeros((4000, 4000), np.int8)
@@ -216,11 +221,13 @@ def test_long_tick_labels_fit_the_figure(far):
     assert len(set(written)) == len(written) > 2
 
 
+@pytest.mark.slow
 def test_an_area_can_be_given(record, tmp_path):
     close = pixels(plot_run(record, tmp_path / "a.png", area=Bounds(6.0, 3.0, 9.0, 6.0)))
     assert count(close, colors.OBSTACLE) > 2 * count(pixels(plot_run(record, tmp_path / "b.png")), colors.OBSTACLE)
 
 
+@pytest.mark.slow
 def test_names_with_special_characters(tmp_path):
     run = a_run([(0, 0), (1, 1)], scenario={"map": "$\\alpha_{", "params": ["地図", "%s", "\udcff"]})
     plot_run(run, tmp_path / "ü $x.png", title="$^{ {0}")
@@ -252,6 +259,7 @@ def a_potential(costmap: Costmap) -> np.ndarray:
     return field
 
 
+@pytest.mark.slow
 def test_a_plan(costmap, tmp_path):
     image = pixels(
         plot_plan(
@@ -262,6 +270,7 @@ def test_a_plan(costmap, tmp_path):
         assert count(image, color) > 150
 
 
+@pytest.mark.slow
 def test_the_potential_is_drawn_when_there_is_one(costmap, tmp_path):
     with_it = a_plan(potential=a_potential(costmap))
     a = pixels(plot_plan(costmap, with_it, tmp_path / "a.png", start=START, goal=GOAL))
@@ -272,12 +281,14 @@ def test_the_potential_is_drawn_when_there_is_one(costmap, tmp_path):
     assert (blue[:, 2] >= blue[:, 0]).mean() > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [np.inf, 1e10, 0.0])
 def test_a_constant_potential_is_not_drawn(costmap, tmp_path, value):
     flat = np.full(costmap.geometry.shape, value, np.float32)
     plot_plan(costmap, a_plan(potential=flat), tmp_path / "plan.png", start=START, goal=GOAL)
 
 
+@pytest.mark.slow
 def test_several_plans_have_different_colors(costmap, tmp_path):
     plans = {f"planner {i}": a_plan(0.2 * i) for i in range(4)}
     image = pixels(plot_plan(costmap, plans, tmp_path / "plans.png", start=START, goal=GOAL))
@@ -285,6 +296,7 @@ def test_several_plans_have_different_colors(costmap, tmp_path):
         assert count(image, color) > 500
 
 
+@pytest.mark.slow
 def test_a_moved_goal_is_marked(costmap, tmp_path):
     a = plot_plan(costmap, a_plan(), tmp_path / "a.png", start=START, goal=GOAL)
     moved = a_plan(goal=Pose2D(10.5, 6.6, 0.0), goal_moved_m=0.5)
@@ -292,6 +304,7 @@ def test_a_moved_goal_is_marked(costmap, tmp_path):
     assert a.read_bytes() != b.read_bytes()
 
 
+@pytest.mark.slow
 def test_empty_plans(costmap, tmp_path):
     plot_plan(costmap, {}, tmp_path / "a.png", start=START, goal=START)
     nothing = Plan(Path(np.empty((0, 3))), 0.0, GOAL)
@@ -299,6 +312,7 @@ def test_empty_plans(costmap, tmp_path):
     plot_plan(costmap, nothing, tmp_path / "c.png", start=Pose2D(math.nan, 0.0), goal=Pose2D(math.inf, 1.0))
 
 
+@pytest.mark.slow
 def test_a_costmap_shows_its_bands(costmap, tmp_path):
     image = pixels(plot_costmap(costmap, tmp_path / "c.png", robot=START, footprint=Footprint.from_radius(0.3)))
     values, numbers = np.unique(costmap.data, return_counts=True)
@@ -310,6 +324,7 @@ def test_a_costmap_shows_its_bands(costmap, tmp_path):
     assert count(image, colors.BLUE) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("nx", "ny"), [(1, 1), (1000, 3), (3, 700), (2000, 1500)])
 def test_costmaps_of_any_shape(nx, ny, tmp_path):
     data = np.zeros((ny, nx), np.uint8)
@@ -330,6 +345,7 @@ for name in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow
 def test_pictures_are_reproducible(tmp_path):
     record = synthetic.record_run(6.0).record()
     endings = ("png", "svg", "pdf")
@@ -345,6 +361,7 @@ def test_pictures_are_reproducible(tmp_path):
         assert (tmp_path / f"c.{ending}").read_bytes() == a
 
 
+@pytest.mark.slow
 def test_no_software_and_no_date_in_the_files(record, tmp_path):
     with Image.open(plot_run(record, tmp_path / "a.png")) as image:
         assert "Software" not in image.info
@@ -371,6 +388,7 @@ def test_a_folder_that_is_a_file(record, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
+@pytest.mark.slow
 def test_a_failure_leaves_the_old_picture(record, tmp_path, monkeypatch):
     path = plot_run(record, tmp_path / "run.png")
     before = path.read_bytes()
@@ -391,6 +409,7 @@ def test_a_failure_leaves_the_old_picture(record, tmp_path, monkeypatch):
 # --- side effects -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_settings_of_the_user_do_not_change(record, tmp_path):
     import matplotlib as mpl
 
@@ -402,6 +421,7 @@ def test_the_settings_of_the_user_do_not_change(record, tmp_path):
     assert plot_run(record, tmp_path / "b.png").read_bytes() == a
 
 
+@pytest.mark.slow
 def test_matplotlib_is_imported_late_and_pyplot_never(tmp_path):
     code = """
 import sys
@@ -414,6 +434,7 @@ assert "matplotlib.pyplot" not in sys.modules
     subprocess.run([sys.executable, "-W", "error", "-c", code, str(tmp_path / "a.png")], cwd=ROOT, check=True)
 
 
+@pytest.mark.slow
 def test_a_loaded_record_gives_the_same_picture(tmp_path):
     recorder = synthetic.record_run(6.0)
     recorder.save(tmp_path)
@@ -421,6 +442,7 @@ def test_a_loaded_record_gives_the_same_picture(tmp_path):
     assert plot_run(Record.load(tmp_path), tmp_path / "b.png").read_bytes() == a
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["turtlebot", "turtlebot " + "DWAPlannerROS/path_distance_bias=32.0 " * 9])
 def test_pairs_with_names_of_any_length(name, tmp_path, monkeypatch):
     drawn = []
@@ -445,11 +467,13 @@ def drawn_axes(record, **options):
     return axes
 
 
+@pytest.mark.slow
 def test_the_axes_of_a_wide_picture_take_its_width(record):
     box = drawn_axes(record).get_position()
     assert box.width > 0.88
 
 
+@pytest.mark.slow
 def test_the_legend_lies_inside_the_figure_and_below_the_axes(record):
     axes = drawn_axes(record)
     (legend,) = axes.figure.legends
@@ -520,6 +544,7 @@ def test_generic_names_of_parameters_have_their_folder():
     assert circumstances(run) == "params husky/param"
 
 
+@pytest.mark.slow
 def test_plans_that_coincide_are_all_visible(costmap, tmp_path):
     plans = {f"planner {i}": a_plan() for i in range(4)}
     image = pixels(plot_plan(costmap, plans, tmp_path / "plans.png", start=START, goal=GOAL))

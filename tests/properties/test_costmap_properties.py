@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -26,7 +27,7 @@ from navstack.costmap import InflationLayer, InflationLayerParams, inflation_cos
 from navstack.plugins import LayerContext
 from tests.costmap.build import cloud, cloud_source, frames_at, inflation, obstacle, rolling, scan, scan_source
 
-SETTINGS = settings(deadline=None, max_examples=50, derandomize=True)
+SETTINGS = settings(deadline=None, max_examples=50)
 GRIDS = hnp.arrays(
     np.uint8,
     st.tuples(st.integers(1, 24), st.integers(1, 40)),
@@ -67,6 +68,7 @@ def test_inflation_grows_with_the_radius(costs: np.ndarray, radii: tuple[float, 
     assert (inflated(known, min(radii)) <= inflated(known, max(radii))).all()
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(costs=GRIDS, radius=st.floats(0.0, 2.0))
 def test_inflation_is_symmetric(costs: np.ndarray, radius: float) -> None:
@@ -76,6 +78,7 @@ def test_inflation_is_symmetric(costs: np.ndarray, radius: float) -> None:
         np.testing.assert_array_equal(turned, turn(plain))
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(costs=GRIDS, radius=st.floats(0.1, 1.0), data=st.data())
 def test_inflation_stays_in_its_window(costs: np.ndarray, radius: float, data: st.DataObject) -> None:
@@ -93,6 +96,7 @@ def test_inflation_stays_in_its_window(costs: np.ndarray, radius: float, data: s
 POINTS = st.lists(st.tuples(st.floats(-1.8, 1.8), st.floats(-1.8, 1.8)), min_size=1, max_size=20)
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(points=POINTS)
 def test_marking_then_clearing_restores(points: list[tuple[float, float]]) -> None:
@@ -112,6 +116,7 @@ def test_marking_then_clearing_restores(points: list[tuple[float, float]]) -> No
     np.testing.assert_array_equal(costmap.master.data, before)
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(points=POINTS, moves=st.lists(st.tuples(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7)), min_size=1, max_size=8))
 def test_rolling_window_keeps_its_overlap(points: list[tuple[float, float]], moves: list[tuple[float, float]]) -> None:
@@ -188,6 +193,7 @@ def test_a_hundred_thousand_beams() -> None:
         assert (costmap.master.data == 254).sum() > 1000
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(steps=st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)), min_size=1, max_size=6))
 def test_window_updates_equal_full_updates(steps: list[tuple[float, float]]) -> None:

@@ -108,7 +108,7 @@ def check(planner: Any, costs: WaveCosts, problem: tuple[Costmap, Pose2D, Pose2D
     return plan
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(problem=problems(), unknown=st.booleans())
 def test_navfn(problem: tuple[Costmap, Pose2D, Pose2D], unknown: bool) -> None:
     costs = navfn_costs(unknown)
@@ -120,7 +120,7 @@ def test_navfn(problem: tuple[Costmap, Pose2D, Pose2D], unknown: bool) -> None:
         assert astar.cost <= dijkstra.cost * 1.01 + 0.3 * 253.0
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(
     problem=problems(),
     dijkstra=st.booleans(),
@@ -157,7 +157,7 @@ def test_global_planner(
     check(GlobalPlannerROS(params), costs, problem, corners=old)
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=40)
 @given(problem=problems(24))
 def test_the_cost_is_that_of_a_reference_dijkstra(problem: tuple[Costmap, Pose2D, Pose2D]) -> None:
     """The linear potential is the cost of the cheapest 4-connected path, computed here by a reference Dijkstra."""

@@ -85,7 +85,8 @@ def plan_or_error(planner: GlobalPlanner, problem: tuple[Costmap, Pose2D, Pose2D
     return plan
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(
     problem=problems(),
     neutral=st.sampled_from([1.0, 50.0]),
@@ -118,7 +119,8 @@ def test_astar_costs_what_dijkstra_does(
             assert on_edge or (x, y) == s or math.isfinite(weights[y, x])
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(problem=problems(), factor=st.sampled_from([0.0, 0.8]), unknown=st.booleans(), cut=st.booleans())
 def test_theta_star_is_legal_and_never_more_expensive(
     problem: tuple[Costmap, Pose2D, Pose2D], factor: float, unknown: bool, cut: bool

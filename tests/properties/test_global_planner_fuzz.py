@@ -239,7 +239,8 @@ def sampled(xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
     return xy[which] + steps[which] * part[:, None], (length / count)[which]
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(case=cases())
 def test_every_planner_on_any_grid(case: tuple[Costmap, Pose2D, Pose2D, list[Subject]]) -> None:
     costmap, start, goal, planners = case
@@ -247,7 +248,8 @@ def test_every_planner_on_any_grid(case: tuple[Costmap, Pose2D, Pose2D, list[Sub
         checked(subject, costmap, start, goal)
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(case=cases())
 def test_carrot_on_any_grid(case: tuple[Costmap, Pose2D, Pose2D, list[Subject]]) -> None:
     costmap, start, goal, _ = case
@@ -324,7 +326,8 @@ def one_of_each(draw: st.DrawFn) -> list[Subject]:
     return [every[0], every[1], every[draw(st.integers(2, 17))], every[draw(st.integers(2, 17))], every[-1]]
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     side=st.tuples(st.integers(5, 64), st.integers(5, 64)),
@@ -354,7 +357,8 @@ def test_replanning_after_any_edit(seed: int, side: tuple[int, int], kind: str, 
                 edited(rng, costmap.data, original)
 
 
-@settings(deadline=None, max_examples=4, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=4)
 @given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(["walls", "inflated", "any"]), planners=one_of_each())
 def test_replanning_on_a_large_map(seed: int, kind: str, planners: list[Subject]) -> None:
     """A robot drives over a map that is large enough for a goal potential."""

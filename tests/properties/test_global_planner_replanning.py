@@ -53,7 +53,8 @@ def edit(rng: np.random.Generator, data: np.ndarray, original: np.ndarray) -> No
         part[:] = original[y : y + h, x : x + w]
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
     size=st.tuples(st.integers(8, 64), st.integers(8, 64)),
@@ -114,6 +115,7 @@ def big_room() -> Costmap:
     return Costmap(GridGeometry(300, 300, 0.05), data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_drive_with_changing_obstacles(kind: str) -> None:
     costmap = big_room()

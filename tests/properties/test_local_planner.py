@@ -36,7 +36,7 @@ FOOTPRINTS = [
     Footprint(np.array([[0.3, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.3, -0.2]])),
     Footprint(np.array([[0.5, 0.0], [-0.3, 0.25], [-0.1, 0.0], [-0.3, -0.25]])),
 ]
-SETTINGS = settings(deadline=None, max_examples=60, derandomize=True)
+SETTINGS = settings(deadline=None, max_examples=60)
 
 
 @st.composite
@@ -128,6 +128,7 @@ def check_footprints(planner: LocalPlanner, plan: LocalPlan, footprint: Footprin
             assert first_lethal_cell(costmap, footprint, pose, 1.0) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANNERS)
 @SETTINGS
 @given(data=st.data())
@@ -161,6 +162,7 @@ def test_a_command_or_the_right_exception(name: str, data: st.DataObject) -> Non
         planner.goal_reached(inputs)
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(costmap=costmaps(), poses_=st.lists(poses, min_size=1, max_size=8), scale=st.floats(1.0, 1.5), data=st.data())
 def test_no_footprint_costs_more_than_the_bound(
@@ -255,6 +257,7 @@ def test_directed_and_undirected_wavefronts_have_the_same_distances(
     np.testing.assert_array_equal(directed.values(), undirected.values())
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(pose=poses, velocity=twists, side=st.floats(0.11, 0.9), ahead=st.floats(0.3, 1.4))
 def test_mirrored_scenes_have_mirrored_tables(pose: Pose2D, velocity: Twist2D, side: float, ahead: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +21,8 @@ FOOTPRINTS = [
 LIMITS = DWAPlanner(DWAParams(max_vel_trans=0.5)).limits
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
     resolution=st.sampled_from([0.02, 0.03, 0.06]),

@@ -6,6 +6,7 @@ import random
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -24,7 +25,7 @@ from navstack.parameters import (
 )
 from navstack.parameters.yaml_reader import parse_yaml
 
-PROPERTY = settings(deadline=None, max_examples=60, derandomize=True)
+PROPERTY = settings(deadline=None, max_examples=60)
 
 NAMES = st.sampled_from(
     [
@@ -92,6 +93,7 @@ def holds(findings: list[Finding]) -> None:
     assert findings == sorted(findings, key=lambda f: (f.file, f.line, f.column))
 
 
+@pytest.mark.slow
 @PROPERTY
 @given(TREES)
 def test_any_tree_gives_a_configuration_or_findings(tree: dict[str, Any]) -> None:
@@ -107,6 +109,7 @@ def test_any_tree_gives_a_configuration_or_findings(tree: dict[str, Any]) -> Non
         assert not errors
 
 
+@pytest.mark.slow
 @PROPERTY
 @given(TREES)
 def test_a_tree_laid_over_the_turtlebot_gives_a_configuration_or_findings(tree: dict[str, Any]) -> None:
@@ -137,6 +140,7 @@ def test_yaml_that_is_nearly_right_reads_as_pyyaml_reads_it(text: str) -> None:
     assert plain(read.root) == (expected or {})
 
 
+@pytest.mark.slow
 @PROPERTY
 @given(
     st.recursive(
@@ -156,6 +160,7 @@ def test_what_pyyaml_writes_is_read_back(value: Any) -> None:
     assert plain(read.root) == {"a": value}
 
 
+@pytest.mark.slow
 @PROPERTY
 @given(st.binary(max_size=400))
 def test_any_bytes_in_a_file(data: bytes) -> None:
@@ -171,6 +176,7 @@ def test_any_bytes_in_a_file(data: bytes) -> None:
         holds(check_parameters([str(launch)]))
 
 
+@pytest.mark.slow
 @PROPERTY
 @given(st.text(max_size=40))
 def test_any_override_and_distro(text: str) -> None:
@@ -178,6 +184,7 @@ def test_any_override_and_distro(text: str) -> None:
     holds(check_parameters(["turtlebot"], distro=text))
 
 
+@pytest.mark.slow
 def test_a_megabyte_of_anything_is_taken_or_refused(tmp_path: Path) -> None:
     rng = random.Random(7)
     path = tmp_path / "move_base_params.yaml"
@@ -225,7 +232,8 @@ SETTINGS = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=40)
 @given(SETTINGS)
 def test_whatever_loads_shows_and_loads_to_the_same(changes: list[tuple[str, Any]]) -> None:
     overrides = [f"{name}={value_text(value)}" for name, value in changes]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,7 +15,7 @@ from navstack.core import Footprint, OccupancyGrid, PointCloud, Pose2D, Twist2D
 from navstack.sim import Lidar, LidarParams, Shape, SimParams, SimulatedRobot, World
 from tests.sim.worlds import random_map, to_world
 
-GIVEN = settings(deadline=None, max_examples=60, derandomize=True)
+GIVEN = settings(deadline=None, max_examples=60)
 seeds = st.integers(0, 10_000)
 
 OUTLINES = {
@@ -99,6 +100,7 @@ def test_collision_is_a_clearance_of_nothing(seed: int, outline: str) -> None:
             assert world.map.data.flat[index] == 100
 
 
+@pytest.mark.slow
 @GIVEN
 @given(seeds)
 def test_a_range_ends_at_a_solid_and_meets_none_before(seed: int) -> None:
@@ -118,6 +120,7 @@ def test_a_range_ends_at_a_solid_and_meets_none_before(seed: int) -> None:
             assert shapely.distance(obstacles, end).min() < 2e-5
 
 
+@pytest.mark.slow
 @GIVEN
 @given(seeds, outlines, st.floats(-3, 3), st.floats(-4, 4))
 def test_the_robot_is_never_inside_of_anything(seed: int, outline: str, vx: float, wz: float) -> None:
@@ -143,6 +146,7 @@ def test_the_robot_is_never_inside_of_anything(seed: int, outline: str, vx: floa
         assert world.clearance(at, footprint) <= 0.005 + 1e-9
 
 
+@pytest.mark.slow
 @GIVEN
 @given(seeds, st.integers(1, 7))
 def test_the_same_run_however_it_is_cut(seed: int, cuts: int) -> None:

@@ -65,6 +65,7 @@ def test_twice(here, tmp_path):
     assert digests(tmp_path) == digests(here)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", ["0", "12345"])
 def test_in_another_process(here, tmp_path, seed):
     subprocess.run(

@@ -140,6 +140,7 @@ def test_a_run_on_amcl(record: Record) -> None:
         assert np.hypot(*(np.array(later.pose[:2]) - believed[-1, :2])) < 0.7
 
 
+@pytest.mark.slow
 def test_pictures(record: Record, tmp_path: Path) -> None:
     file = plot_estimate(record, tmp_path / "moment.png", t=4.0)
     with Image.open(file) as picture:

@@ -75,6 +75,7 @@ def test_truncated_anywhere(good, tmp_path):
         refused(path, "truncated")
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_is_detected_or_harmless(good, tmp_path):
     """A zip file has checksums of its members; unprotected bytes (host names, flags) do not affect the data."""
     content = bytearray(good.read_bytes())
@@ -186,6 +187,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 def test_invalid_contents_are_rejected(good, tmp_path, name):
     refused(rewritten(good, tmp_path, CHANGES[name]))

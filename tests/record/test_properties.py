@@ -5,6 +5,7 @@ import json
 import zipfile
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -49,7 +50,8 @@ UPDATES = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(UPDATES)
 def test_any_history_of_a_costmap_is_restored(updates):
     recorder = a_recorder()
@@ -82,7 +84,8 @@ JSON = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(
     st.lists(
         st.tuples(

@@ -150,6 +150,7 @@ def test_frame_that_is_not_in_the_log_needs_a_mounting(make: Make) -> None:
     assert done.robot.frames.lookup("base_footprint", "camera").x == 0.1
 
 
+@pytest.mark.slow
 def test_without_localization_the_initial_pose_places_the_robot(make: Make) -> None:
     maker = make()
     maker.localized = False
@@ -187,6 +188,7 @@ def test_last_pose(make: Make) -> None:
         assert last_pose(log, CONFIGURATION, {}, None) == pytest.approx(Pose2D(1.2, 0.0, 0.0))
 
 
+@pytest.mark.slow
 def test_goal_in_the_wall_is_given_up_and_sent_again_while_the_robot_drives(make: Make) -> None:
     maker = make()
     maker.goal = Pose2D(100.0, 0.0)
@@ -208,6 +210,7 @@ def test_no_map_in_the_log(make: Make) -> None:
 # --- the record -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_explanations_of_a_replay(make: Make, tmp_path: Path) -> None:
     done = replayed(make().write())
     assert done.run_recorder is not None

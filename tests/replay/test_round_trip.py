@@ -69,6 +69,7 @@ SCENARIOS: dict[str, Any] = {
 IN_BAGS_ONLY = ("unreachable", "sonars")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "suffix"),
     [
@@ -104,6 +105,7 @@ def test_replay_equals_the_run(name: str, suffix: str, tmp_path: Path) -> None:
     assert all(cycle.command == cycle.recorded for cycle in compared)
 
 
+@pytest.mark.slow
 def test_export_is_the_same_file_every_time(tmp_path: Path) -> None:
     run = recorded(packaged("narrow_door"))
     for suffix in ("bag", "mcap"):
@@ -123,6 +125,7 @@ def test_other_suffix_and_replays_are_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_run_of_another_version_is_refused(tmp_path: Path) -> None:
     run = recorded(packaged("narrow_door"))
     run.samples["vx"][5] += 1e-9
@@ -131,6 +134,7 @@ def test_run_of_another_version_is_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_costmaps_of_the_export_are_those_of_the_run(tmp_path: Path) -> None:
     from navstack.ros_messages import published_costs
 
@@ -156,6 +160,7 @@ def test_costmaps_of_the_export_are_those_of_the_run(tmp_path: Path) -> None:
             assert (origin.x, origin.y) == (expected.geometry.origin_x, expected.geometry.origin_y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("overrides", "stands_still"), [((), True), (("navstack/sim/wheel_slip=0.05",), False)], ids=["exact", "slips"]
 )
@@ -188,6 +193,7 @@ def test_transforms_of_the_export_lead_to_the_true_pose(
     assert ("odom", "base_footprint") in edges["/tf"]
 
 
+@pytest.mark.slow
 def test_mcap_passes_the_checks_of_its_library(tmp_path: Path) -> None:
     from mcap.reader import NonSeekingReader, make_reader
 

@@ -23,6 +23,7 @@ def bag(data_dir: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_info(bag: Path) -> None:
     with open_log(bag) as log:
         info = log_info(log)
@@ -34,6 +35,7 @@ def test_info(bag: Path) -> None:
     assert not found["map"] and not found["goals"] and not found["localization"]
 
 
+@pytest.mark.slow
 def test_replay(bag: Path) -> None:
     parameters = sorted((bag.parents[1] / "params" / "turtlebot3").glob("*.yaml"))
     names = (

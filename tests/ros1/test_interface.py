@@ -1,4 +1,4 @@
-"""Topics and services of move_base beside the action: clouds, voxels, footprints, updates of the map, plans during a goal."""
+"""Topics and services of move_base other than the action: clouds, voxels, footprints, map updates, plans during a goal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The nodes amcl and fake_localization beside a simulated robot that does not localize itself."""
+"""The nodes amcl and fake_localization next to a simulated robot that does not localize itself."""
 
 from __future__ import annotations
 

@@ -210,7 +210,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("tutorials")
     with module_graph(folder) as graph:
         assert run(["ros1", "install", str(folder / "packages")]) == 0
-        (folder / "robot.launch").write_text(LAUNCH.replace("SPEED", paced(6)))
+        (folder / "robot.launch").write_text(LAUNCH.replace("SPEED", paced(3)))
         environment = {**graph.own, "ROS_PACKAGE_PATH": str(folder / "packages")}
         command = (
             "/usr/bin/roslaunch",

@@ -16,6 +16,7 @@ from navstack.ros_messages.transforms import Quaternion, Transform3D, TransformT
 angles = st.floats(-math.pi, math.pi).map(normalize_angle).filter(lambda yaw: yaw == 0.0 or abs(yaw) > 1e-300)
 
 
+@pytest.mark.slow
 @given(angles)
 def test_heading_is_exact(yaw: float) -> None:
     assert quaternion_of_yaw(yaw).yaw == yaw

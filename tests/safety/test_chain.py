@@ -185,6 +185,7 @@ def test_nav2_compatible_winds_up() -> None:
     assert drive(chain, range(20, 21), Twist2D(0.5), (5.0, 0.0))[0].sent == Twist2D(0.5)
 
 
+@pytest.mark.slow
 def test_speeding_up_stays_within_the_limits_whatever_comes_and_goes() -> None:
     rng = np.random.default_rng(7)
     chain = held("slowdown", slowdown_ratio=0.3)

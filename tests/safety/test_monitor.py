@@ -85,7 +85,7 @@ def test_a_stop_zone_lets_the_robot_back_off(command: Twist2D, passes: bool) -> 
 
 
 def test_a_stop_zone_lets_the_robot_turn_away() -> None:
-    # an obstacle beside the left front corner: turning right moves the corner away from it
+    # an obstacle next to the left front corner: turning right moves the corner away from it
     assert check({"s": STOP}, Twist2D(0.0, 0.0, 1.0), (0.19, 0.25)) == Twist2D()
     assert check({"s": STOP}, Twist2D(0.0, 0.0, -1.0), (0.19, 0.25)) == Twist2D(0.0, 0.0, -1.0)
 

@@ -156,6 +156,7 @@ def test_the_detector_reports_it() -> None:
 VELOCITY = st.floats(-0.5, 0.5).map(lambda v: round(v, 3))
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(
     command=st.tuples(VELOCITY, VELOCITY, VELOCITY),

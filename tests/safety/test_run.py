@@ -98,6 +98,7 @@ def test_explain_command_says_who_changed_it(record: Record) -> None:
     assert json.dumps(step.as_dict())
 
 
+@pytest.mark.slow
 def test_pictures(record: Record, tmp_path: Path) -> None:
     for name, draw in (("run.png", plot_run), ("commands.svg", plot_commands)):
         draw(record, tmp_path / name)

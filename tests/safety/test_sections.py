@@ -204,7 +204,7 @@ def test_the_same_without_ros__parameters_and_in_ros_1_form(nav2: Path, tmp_path
     }
     one = load_configuration(["turtlebot", str(nav2)]).safety.twist_mux
     assert load_configuration(["turtlebot", plain]).safety.twist_mux == one
-    # the sections beside move_base in a dump of the parameter server
+    # the sections other than move_base in a dump of the parameter server
     dump = tmp_path / "dump.yaml"
     dump.write_text(f"move_base:\n  controller_frequency: 5.0\n{NAV2}", encoding="utf-8")
     assert load_configuration(["turtlebot", str(dump)]).safety == load_configuration(["turtlebot", str(nav2)]).safety
@@ -214,6 +214,7 @@ def test_without_sections_nothing_is_in_use() -> None:
     assert not load_configuration(["turtlebot"]).safety.in_use
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "severity", "text", "line"),
     [

@@ -200,6 +200,7 @@ def test_reachable_velocity(current: float, command: float, accel: float, decel:
             assert spent == pytest.approx(dt, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [False, True])
 def test_limits_hold_over_a_million_random_commands(scale: bool) -> None:
     rng = np.random.default_rng(17)

@@ -80,6 +80,7 @@ def held(rows: NDArray[Any], action: str) -> NDArray[Any]:
     return rows[rows["action"] == action]
 
 
+@pytest.mark.slow
 def test_a_slowed_move_ends_at_its_distance() -> None:
     outcome, rows = run({"move": 1.5}, SLOW, box(0.8, 0.6))
     slowed = held(rows, "slowdown")
@@ -90,6 +91,7 @@ def test_a_slowed_move_ends_at_its_distance() -> None:
     assert set(slowed["source"].tolist()) == {"motion"}
 
 
+@pytest.mark.slow
 def test_a_move_waits_until_the_way_is_free() -> None:
     outcome, rows = run({"move": 2.0}, STOP_AHEAD, box(1.5, 0.0, 1.0, 8.0))
     stopped = held(rows, "stop")
@@ -100,6 +102,7 @@ def test_a_move_waits_until_the_way_is_free() -> None:
     assert stopped["t"][-1] == pytest.approx(8.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_move_that_waits_too_long_ends_with_its_time_allowance() -> None:
     outcome, rows = run({"move": 2.0}, STOP_AHEAD, box(1.5, 0.0, 1.0))
     assert (outcome.state, outcome.error_name) == ("ABORTED", "TIMEOUT")
@@ -108,6 +111,7 @@ def test_a_move_that_waits_too_long_ends_with_its_time_allowance() -> None:
     assert (held(rows, "stop")["t"][0] < 3.0) and (rows["t"][-1] > 20.0)
 
 
+@pytest.mark.slow
 def test_a_limited_turn_ends_at_its_angle() -> None:
     outcome, rows = run({"turn": "180 deg"}, LIMIT, box(0.0, 0.6))
     assert outcome.state == "SUCCEEDED", outcome.message
@@ -117,6 +121,7 @@ def test_a_limited_turn_ends_at_its_angle() -> None:
     assert np.abs(limited["sent_wz"]).max() == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 def test_a_round_robot_turns_beside_an_obstacle_in_a_stop_zone() -> None:
     """A turn in place of a circle brings nothing nearer."""
     outcome, rows = run({"turn": "180 deg"}, STOP_AROUND, box(0.35, 0.3, side=0.1))
@@ -124,6 +129,7 @@ def test_a_round_robot_turns_beside_an_obstacle_in_a_stop_zone() -> None:
     assert not len(held(rows, "stop"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("end", "state", "error"), [(8.0, "SUCCEEDED", "NONE"), (1e6, "ABORTED", "TIMEOUT")])
 def test_a_rectangular_robot_waits_for_a_turn(end: float, state: str, error: str) -> None:
     outcome, rows = run({"turn": "180 deg"}, STOP_AROUND, box(0.35, 0.3, 2.0, end, side=0.1), robot="jackal_dwa")
@@ -134,12 +140,14 @@ def test_a_rectangular_robot_waits_for_a_turn(end: float, state: str, error: str
     assert stopped["t"][-1] == pytest.approx(min(end, float(rows["t"][-1])), abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_caught_up_with_after_a_stop() -> None:
     outcome, rows = run({"follow": "heart", "size": 1.0, "speed": 0.2}, STOP_AROUND, box(*BESIDE, 3.0, 4.0))
     assert outcome.state == "SUCCEEDED", outcome.message
     assert 10 < len(held(rows, "stop")) < 30
 
 
+@pytest.mark.slow
 def test_a_trajectory_that_the_robot_falls_behind_is_lost() -> None:
     outcome, rows = run({"follow": "heart", "size": 1.0, "speed": 0.2}, STOP_AROUND, box(*BESIDE, 3.0))
     assert (outcome.state, outcome.error_name) == ("ABORTED", "TRACKING_LOST")

@@ -30,6 +30,7 @@ def driven(name: str, params: str) -> tuple[Run, dict[str, Any]]:
     return run, {"t": table[:, 0], "command": table[:, 1:4], "velocity": table[:, 4:7], "steering": table[:, 7]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["car_reverse_out", "car_park"])
 @pytest.mark.parametrize("params", ["car_mppi", "car_rpp"])
 def test_a_car_drives_a_given_path_with_changes_of_direction(name: str, params: str) -> None:
@@ -68,6 +69,7 @@ def test_the_steering_follows_the_closed_form_of_the_last_command() -> None:
     assert math.atan(sim.wheelbase / sim.turning_radius) == pytest.approx(sim.steering_limit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("params", ["omni_mppi", "omni_dwa"])
 def test_a_mecanum_base_drives_through_the_office(params: str) -> None:
     run, rows = driven("omni_office", params)

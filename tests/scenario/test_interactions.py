@@ -71,6 +71,7 @@ def bytes_of(run: Run, scenario: Scenario, folder: Path) -> bytes:
     return run.recorder.save(folder)["record"].read_bytes()
 
 
+@pytest.mark.slow
 def test_a_saved_session_gives_the_same_record_byte_for_byte(tmp_path: Path) -> None:
     run, scenario = driven(office(tmp_path), STORY)
     saved = write_scenario(scenario, tmp_path / "saved.yaml", map_file=map_path("office"), sources=["turtlebot"])
@@ -121,6 +122,7 @@ def test_an_interaction_after_the_end_continues_the_run(tmp_path: Path) -> None:
     assert bytes_of(run, scenario, tmp_path / "a") == bytes_of(again, scenario, tmp_path / "b")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("action", "reason"),
     [
@@ -147,6 +149,7 @@ def test_a_refused_interaction_changes_nothing(tmp_path: Path, action: dict[str,
     assert run.robot.pose == plain.robot.pose
 
 
+@pytest.mark.slow
 def test_the_record_restores_the_interactions(tmp_path: Path) -> None:
     run, scenario = driven(office(tmp_path), STORY[:6])
     assert run.recorder is not None

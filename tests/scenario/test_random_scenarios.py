@@ -20,6 +20,7 @@ def test_a_scenario_depends_on_its_number_only() -> None:
     assert check_random(7, time_limit_s=SHORT_S) == check_random(7, time_limit_s=SHORT_S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 200, FOUR))
 def test_no_invariant_is_violated(first: int) -> None:
     checked = [check_random(number, time_limit_s=SHORT_S) for number in range(first, first + FOUR)]

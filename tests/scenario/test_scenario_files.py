@@ -23,12 +23,12 @@ from navstack.scenario import (
     Scenario,
     SuccessConditions,
     check_scenario,
+    is_scenario_file,
     load_scenario,
     read_scenario,
     run_scenario,
     shipped_scenarios,
 )
-from navstack.scenario.file_reader import is_scenario_file
 from navstack.scenario.places import load_places
 from navstack.studies import read_scenarios
 
@@ -231,6 +231,7 @@ def test_the_number_of_states_must_match_the_goals(short: Path) -> None:
         run_scenario(scenario, record=False)
 
 
+@pytest.mark.slow
 def test_simulate_takes_a_scenario_file(
     short: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -269,6 +270,7 @@ def test_shipped_scenarios_have_descriptions() -> None:
         assert spec.description and spec.values["name"]
 
 
+@pytest.mark.slow
 def test_a_pause_ends_despite_rounding(short: Path) -> None:
     # 1.86 + 0.5 is 2.3600000000000003, which a robot at 118 / 50 s never reaches by whole steps
     short.write_text(SHORT.replace("goals: [[4.0, 7.4, 0.0]]", "goals: [[9.0, 7.4], [9.0, 7.4]]"))

@@ -15,12 +15,14 @@ DRIVEN_ELSEWHERE = {"car_park", "car_reverse_out", "omni_office"}
 """test_cars.py drives these, with their own parameters."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_shipped_scenario_is_sound(name: str) -> None:
     findings = check_scenario(shipped_scenarios()[name])
     assert [str(f) for f in findings if f.severity != "info"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in DRIVEN_ELSEWHERE])
 def test_a_shipped_scenario_succeeds(name: str) -> None:
     result = run_scenario(load_scenario(shipped_scenarios()[name]), record=False)
@@ -40,6 +42,7 @@ def record_of(job: tuple[str, str]) -> tuple[str, str]:
 SOME = ("narrow_door", "crossing_pedestrian", "unreachable_goal", "noise")
 
 
+@pytest.mark.slow
 def test_records_are_the_same_in_one_process_and_in_two_in_any_order(tmp_path: Path) -> None:
     here = dict(record_of((name, str(tmp_path / "here" / name))) for name in SOME)
     jobs = [(name, str(tmp_path / "there" / name)) for name in reversed(SOME)]

@@ -18,6 +18,7 @@ OUTLINES = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_it_agrees_with_the_simulated_world(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -84,6 +84,7 @@ def test_the_wheels_are_drawn_at_their_angle(parked: Record) -> None:
         parked.arrays["steering"][row] *= -1.0
 
 
+@pytest.mark.slow
 def test_the_chart_of_speed_and_steering(parked: Record, tmp_path: Path) -> None:
     file = plot_steering(parked, tmp_path / "steering.png", dpi=60.0)
     assert matplotlib.image.imread(file).shape[1] == 600

@@ -71,6 +71,7 @@ def tour(tmp_path_factory: pytest.TempPathFactory) -> Record:
     return Record.load(folder)
 
 
+@pytest.mark.slow
 def test_every_step_has_its_outcome(tour: Record) -> None:
     steps = [result.get("step", "") for result in tour.results]
     motions = ["move 0.5 m", "turn 90 deg", "wait 1 s", "turn -90 deg", "drive to 1.8, 7.45, 3.1", "move -0.2 m"]
@@ -119,6 +120,7 @@ def run_record(made: Scenario) -> Record:
     return recorder.record()
 
 
+@pytest.mark.slow
 def test_the_same_steps_give_the_same_bytes_and_survive_file_and_record(tour: Record, tmp_path: Path) -> None:
     again = Scenario.from_record(tour)
     assert again.steps == scenario(*TOUR).steps
@@ -130,6 +132,7 @@ def test_the_same_steps_give_the_same_bytes_and_survive_file_and_record(tour: Re
         assert np.array_equal(repeated.arrays[name], tour.arrays[name])
 
 
+@pytest.mark.slow
 def test_a_plan_of_the_office_is_followed(tmp_path: Path) -> None:
     """The path of navfn from the corridor to the first goal, timed for 0.4 m/s, from a file; perfect motion: below 2 cm."""
     base = scenario({"wait": 1})
@@ -151,6 +154,7 @@ def test_a_plan_of_the_office_is_followed(tmp_path: Path) -> None:
     assert noisy.statistics()["distance_m"]["mean"] < 0.015
 
 
+@pytest.mark.slow
 def test_by_odometry_the_record_tells_truth_from_belief() -> None:
     drift = ("navstack/sim/odometry_scale=0.05", "navstack/sim/odometry_turn=0.02")
     record = run_record(scenario({"follow": "figure_eight", "size": 1.0, "frame": "odom"}, start=ROOM, overrides=drift))
@@ -159,6 +163,7 @@ def test_by_odometry_the_record_tells_truth_from_belief() -> None:
     assert report.distance.max() > 0.02
 
 
+@pytest.mark.slow
 def test_motions_pass_through_multiplexer_and_smoother() -> None:
     """With the smoother's limits below those of the planner, the robot accelerates by the smoother's, and still arrives."""
     smoother = {"max_accel": [0.3, 0.0, 0.5], "max_decel": [-0.3, 0.0, -0.5]}
@@ -232,6 +237,7 @@ def test_a_car_is_told_that_it_cannot_turn_in_place() -> None:
             Run(scenario(step, overrides=car))
 
 
+@pytest.mark.slow
 def test_a_trajectory_keeps_the_limit_of_the_wheels() -> None:
     """Wheels of 0.2 m/s at the rim: a shape is fitted to them, and the fastest wheel comes close to its limit."""
     wheels = ("navstack/sim/wheels/drive=differential", f"navstack/sim/wheels/max_speed={0.2 / 0.035:.6f}")

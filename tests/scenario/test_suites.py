@@ -17,6 +17,7 @@ def contents(specs: list[ScenarioSpec]) -> list[object]:
     return [(s.name, s.start, s.goals, s.shapes, s.map().data.tobytes()) for s in specs]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["office", "narrow", "crowd", "warehouse"])
 def test_a_suite_is_the_same_every_time_and_splits_by_number(name: str) -> None:
     whole = load_suite(name, count=6)
@@ -26,6 +27,7 @@ def test_a_suite_is_the_same_every_time_and_splits_by_number(name: str) -> None:
     assert len({s.name for s in whole}) == 6 and len({s.start for s in whole}) > 1
 
 
+@pytest.mark.slow
 def test_barn_needs_a_directory(data_dir: Path) -> None:
     with pytest.raises(InputError, match=r"needs the folder of the BARN worlds"):
         load_suite("barn")
@@ -39,6 +41,7 @@ def test_barn_needs_a_directory(data_dir: Path) -> None:
     assert built.start.yaw == 1.57 and built.goals[0].y == 10.0 and len(built.shapes) > 50
 
 
+@pytest.mark.slow
 def test_a_shipped_scenario_is_simulated_by_its_name(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["simulate", "unreachable_goal", "--json", "--out", str(tmp_path)]) == 0
     document = json.loads(capfd.readouterr().out)

@@ -166,6 +166,7 @@ def test_a_stopped_tour_stops_the_robot_and_has_a_complete_record() -> None:
     assert (again.pause_s, again.stop_on_failure) == (0.0, False)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     file = file_of(tmp_path, "places: {near: [2.8, 7.45], far: [3.4, 7.45]}\nstart: [2, 7.45]\n")
@@ -179,6 +180,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
     assert json.loads(Path("navstack_tour/summary.json").read_text()) == document
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_the_robot_and_keeps_the_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -69,6 +69,7 @@ def test_start_and_goal_are_free_and_scans_see_every_cylinder_in_sight(worlds: l
         assert np.isfinite(scan.ranges).any()
 
 
+@pytest.mark.slow
 def test_an_open_loop_drive_ends_at_the_first_cylinder(worlds: list[World]) -> None:
     """Straight ahead at 0.5 m/s: collision exactly where the footprint meets the first disc."""
     touched = 0

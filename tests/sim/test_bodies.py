@@ -58,7 +58,8 @@ def test_stopping_distance_with_limited_jerk(v: float, a: float, j: float) -> No
     assert np.abs(np.diff(acceleration, prepend=0.0)).max() <= j * 1e-3 * (1 + 1e-6)
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
 @given(st.lists(st.floats(-2, 2), min_size=1, max_size=8), st.floats(0.2, 5), st.floats(0.2, 50), st.floats(5, 200))
 def test_arbitrary_commands_respect_both_limits_and_are_reached(
     commands: list[float], a: float, j: float, frequency: float
@@ -183,6 +184,7 @@ def test_systematic_errors_of_the_odometry() -> None:
     assert tuple(it.frames.lookup("map", "base_footprint", it.time)) == pytest.approx(tuple(it.pose), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_wheel_slip_affects_the_true_motion_with_its_variance() -> None:
     """One second of driving: the relative error of the distance has the given deviation, at any speed and step."""
     for speed, frequency in ((0.5, 50.0), (1.0, 20.0)):
@@ -213,7 +215,8 @@ def wall_world(kind: str, angle: float) -> World:
     return World(None, shapes=[Shape(box=[0.01, 4.0], pose=[1.0, 0.0, angle])])
 
 
-@settings(deadline=None, derandomize=True, max_examples=120)
+@pytest.mark.slow
+@settings(deadline=None, max_examples=120)
 @given(
     st.sampled_from(sorted(OUTLINES)),
     st.sampled_from(["differential", "holonomic", "ackermann"]),

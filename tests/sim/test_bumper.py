@@ -235,6 +235,7 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, float, Any
 ON_THE_WAY = [((6.795, 7.674, 0.115), True), ((5.668, 7.784, 0.046), True), ((4.44, 7.683, 0.037), False)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("disc", "arrives"), ON_THE_WAY)
 def test_a_turtlebot_marks_obstacles_that_press_its_bumper(disc: tuple[float, float, float], arrives: bool) -> None:
     """It collides with the unseen obstacle once or a few times, marks it, and drives around it if there is space.

@@ -16,6 +16,7 @@ FRONT, RADIUS, GAP = 0.3, 0.1, 0.004
 CONTROL_PERIOD = 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverses", [True, False])
 @pytest.mark.parametrize("beside", [0.0, 0.1, -0.15])
 def test_a_box_does_not_push(beside: float, reverses: bool, monkeypatch: pytest.MonkeyPatch) -> None:

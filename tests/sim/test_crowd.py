@@ -86,6 +86,7 @@ ROOM = """
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_pedestrians_do_not_collide_with_walls_solids_or_the_robot(seed: int) -> None:
     """Six pedestrians cross a room with a pillar, a post and a moving robot."""

@@ -7,6 +7,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 import hashlib
 from navstack.core import Footprint, Pose2D, Twist2D
@@ -35,6 +37,7 @@ def run(**environment: str) -> str:
     return out.stdout
 
 
+@pytest.mark.slow
 def test_identical_results_in_any_process() -> None:
     first = run(PYTHONHASHSEED="1")
     assert len(first.split()[0]) == len(hashlib.sha256().hexdigest())

@@ -40,6 +40,7 @@ def drive(it: SimulatedRobot, seconds: float, twist: Twist2D = Twist2D(0.3, 0.0,
     return errors
 
 
+@pytest.mark.slow
 def test_amcl_holds_the_pose_against_drift() -> None:
     lost = drive(robot(*DRIFT, "navstack/sim/localization=odometry"), 60.0)
     held = drive(
@@ -50,6 +51,7 @@ def test_amcl_holds_the_pose_against_drift() -> None:
     assert max(lost[60:]) > 2.0 * max(held[60:])
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_estimates() -> None:
     settings = (*DRIFT, "navstack/sim/localization=amcl")
     assert drive(robot(*settings), 10.0) == drive(robot(*settings), 10.0)
@@ -96,6 +98,7 @@ def test_amcl_gets_its_section() -> None:
     assert localizer.tracker.params.max_particles == 300
 
 
+@pytest.mark.slow
 def test_scan_matching_starts_without_a_pose() -> None:
     it = robot("navstack/sim/localization=scan_matching", "navstack/sim/initial_pose=unknown")
     errors = drive(it, 40.0)

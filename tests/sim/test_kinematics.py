@@ -41,6 +41,7 @@ def test_differential_drive_is_the_textbook_formula() -> None:
     assert twist == pytest.approx(((0.4 + 0.3) / 2, 0.0, (0.4 - 0.3) / d), abs=1e-12)
 
 
+@pytest.mark.slow
 @drives
 @given(vx=SPEED, vy=SPEED, wz=SPEED)
 def test_velocities_survive_the_round_trip(drive: WheelDrive, vx: float, vy: float, wz: float) -> None:
@@ -48,6 +49,7 @@ def test_velocities_survive_the_round_trip(drive: WheelDrive, vx: float, vy: flo
     assert drive.twist(drive.wheel_speeds(twist)) == pytest.approx(twist, abs=1e-12)
 
 
+@pytest.mark.slow
 @drives
 @given(vx=SPEED, wz=SPEED, limit=st.floats(0.01, 2.0))
 def test_a_limited_velocity_keeps_its_direction(drive: WheelDrive, vx: float, wz: float, limit: float) -> None:

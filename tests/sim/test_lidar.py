@@ -79,6 +79,7 @@ def compare(world: World, eye: Pose2D, reach: float) -> None:
     assert agree.mean() > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_equals_a_marcher_in_random_worlds(seed: int) -> None:
     grid = random_map(seed, share=0.02 if seed % 2 else 0.15)
@@ -100,6 +101,7 @@ def test_equals_a_marcher_in_random_worlds(seed: int) -> None:
         compare(world, Pose2D(x, y, float(rng.uniform(-4, 4))), reach=5.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", map_names())
 def test_equals_a_marcher_on_the_packaged_maps(name: str) -> None:
     world = World(read(name))

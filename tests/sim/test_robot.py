@@ -148,6 +148,7 @@ def test_drift_and_localization() -> None:
             assert tuple(believed) == tuple(it.state().pose)
 
 
+@pytest.mark.slow
 def test_energy_of_the_odometry_noise() -> None:
     """0.1 over a second at 1 m/s: after 4 s the error of the length has a deviation of 0.1 sqrt(4) m."""
     errors: list[float] = []
@@ -161,6 +162,7 @@ def test_energy_of_the_odometry_noise() -> None:
     assert abs(np.mean(errors)) < 4 * 0.2 / math.sqrt(300)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [20.0, 100.0])
 def test_the_heading_drifts_with_the_square_root_of_the_distance(frequency: float) -> None:
     """0.05 rad for a meter: after 4 m the heading has a deviation of 0.1 rad, the lateral error one of 0.05 sqrt(4^3 / 3) m."""

@@ -58,7 +58,7 @@ def test_noise_of_a_sonar() -> None:
 
 
 def test_delayed_measurements_arrive_late_with_the_stamp_and_the_values_of_their_time() -> None:
-    """A sonar 0.25 s late beside one in time, on a robot that approaches an obstacle."""
+    """A sonar 0.25 s late next to one in time, on a robot that approaches an obstacle."""
     names = {"late": SonarParams(frame="a", delay=0.25), "prompt": SonarParams(frame="b")}
     params = SimParams(lasers=[], bumpers=[], sonars=["late", "prompt"], sensors=dict(names))
     arrived: list[tuple[float, str, float, float]] = []
@@ -151,6 +151,7 @@ def test_errors_of_an_imu() -> None:
     assert errors.std() == pytest.approx(0.02, rel=4 / math.sqrt(2 * n))
 
 
+@pytest.mark.slow
 def test_the_bias_of_an_imu_drifts_with_the_given_deviation() -> None:
     ends: list[float] = []
     for seed in range(200):

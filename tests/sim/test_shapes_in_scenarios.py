@@ -47,6 +47,7 @@ def test_shapes_survive_json() -> None:
         assert Shape.model_validate(shape.model_dump(mode="json", exclude_none=True)) == shape
 
 
+@pytest.mark.slow
 def test_a_record_with_shapes_and_people_replays_byte_for_byte(tmp_path: Path) -> None:
     first = run_scenario(scenario())
     assert first.recorder is not None
@@ -112,6 +113,7 @@ def test_damaged_solids_are_detected() -> None:
             check(record.meta, [], {**record.arrays, name: damaged})
 
 
+@pytest.mark.slow
 def test_pictures_show_static_and_moving_obstacles(tmp_path: Path) -> None:
     run = Run(scenario())
     for _ in range(12):

@@ -51,7 +51,7 @@ def test_a_tricycle_follows_the_commanded_turning_rate(v: float, w: float) -> No
     assert np.hypot(samples[:, 0], samples[:, 1] - v / w) == pytest.approx(abs(v / w), abs=1e-5)
 
 
-@settings(deadline=None, derandomize=True, max_examples=30)
+@settings(deadline=None, max_examples=30)
 @given(
     kinematics=st.sampled_from(("ackermann", "tricycle")),
     limit=st.floats(0.1, 1.2),
@@ -109,7 +109,7 @@ def test_the_steering_has_a_lag_of_its_own() -> None:
     assert samples[:, 8] == pytest.approx(0.4 * np.tan(angle) / L)
 
 
-@settings(deadline=None, derandomize=True, max_examples=40)
+@settings(deadline=None, max_examples=40)
 @given(
     kinematics=st.sampled_from(("ackermann", "tricycle")),
     commands=st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0)), min_size=1, max_size=6),

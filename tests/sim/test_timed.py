@@ -101,7 +101,7 @@ def test_polygons_on_tracks() -> None:
     cart = Shape(box=[0.6, 0.2], motion=motion)
     for t, bounds in ((2, (1.7, -0.1, 2.3, 0.1)), (6, (3.9, 1.7, 4.1, 2.3)), (18, (1.7, -0.1, 2.3, 0.1))):
         assert polygon_at(cart, float(t)).bounds == pytest.approx(bounds)
-    # beside the track, on its left
+    # next to the track, on its left
     beside = Shape(box=[0.6, 0.2], pose=[0.0, 1.0, 0.0], motion=motion)
     assert polygon_at(beside, 6.0).bounds == pytest.approx((2.9, 1.7, 3.1, 2.3))
     spinning = Shape(box=[0.6, 0.2], motion=OnTrack(points=[[0, 0], [4, 0]], speed=0.0, spin=math.pi / 4))

@@ -29,6 +29,7 @@ def field(*discs: tuple[float, float, float]) -> BarnWorld:
     return BarnWorld(7, np.array(discs, np.float64).reshape(-1, 3), 10.0)
 
 
+@pytest.mark.slow
 def test_an_open_field_is_crossed_at_full_speed_and_reproducibly(jackal: Path) -> None:
     configuration = barn_configuration(jackal)
     world = field((3.0, 5.0, 0.1))
@@ -44,6 +45,7 @@ def test_an_open_field_is_crossed_at_full_speed_and_reproducibly(jackal: Path) -
     assert run_world(world, configuration)[0] == first
 
 
+@pytest.mark.slow
 def test_an_enclosed_robot_does_not_succeed(jackal: Path) -> None:
     ring = [(0.8 * np.cos(a), 0.8 * np.sin(a), 0.06) for a in np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)]
     outcome, recorder = run_world(
@@ -88,6 +90,7 @@ def test_invalid_world_files(tmp_path: Path) -> None:
             load_worlds(tmp_path / name)
 
 
+@pytest.mark.slow
 def test_a_world_without_cylinders(jackal: Path, tmp_path: Path) -> None:
     """Its clearance is infinite, which JSON cannot represent."""
     empty = {"world": [5], "cyl_xy": np.zeros((0, 2)), "cyl_offset": [0, 0], "cyl_radius": 0.1}
@@ -131,6 +134,7 @@ def test_sources_for_workers_have_absolute_paths(tmp_path: Path, monkeypatch: py
     assert for_workers("me@home") == str(tmp_path / "me@home")
 
 
+@pytest.mark.slow
 def test_one_world_as_in_the_cpp_results(jackal: Path, data_dir: Path) -> None:
     """World 31: C++ needed 19.2 s for 9.25 m."""
     worlds = {world.number: world for world in load_worlds(data_dir / "barn" / "worlds.npz")}

@@ -22,7 +22,7 @@ def person(x: float, y: float = 0.0) -> Solids:
 
 
 def drive(speeds: list[float], people: list[float], *, seen: bool = True, y: float = 0.0) -> list[Moment]:
-    """A drive along x with a command per period, beside a person at x = `people`, `y`."""
+    """A drive along x with a command per period, next to a person at x = `people`, `y`."""
     moments: list[Moment] = []
     x, before = 0.0, speeds[0]
     for k, (speed, at) in enumerate(zip(speeds, people, strict=True)):

@@ -18,6 +18,8 @@ from navstack.studies.suites import read_suite
 from tests.localization.rooms import rooms
 from tests.logs.carmen_files import circle, write_corrected_log
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def log_file(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -34,6 +34,7 @@ DETUNED = ("DWAPlannerROS/max_vel_trans=0.12", "DWAPlannerROS/min_vel_trans=0.02
 SPEED = "DWAPlannerROS/max_vel_trans=0.1:0.5"
 
 
+@pytest.mark.slow
 def test_a_detuned_slow_robot_is_tuned_and_reported(tmp_path: Path) -> None:
     suite = make_room(tmp_path, names=("a", "b", "c"))
     options = SearchOptions(("turtlebot",), str(suite), param=(SPEED,), space=None, overrides=DETUNED)
@@ -87,12 +88,14 @@ class OneInfeasible(Bowl):
         return outcome, None
 
 
+@pytest.mark.slow
 def test_a_scenario_that_always_fails_is_named(tmp_path: Path) -> None:
     tuning = run_tune(tmp_path, OneInfeasible(4), sim_time=0.6, trials=6)
     assert tuning.never_solved == ["case 0 seed 0"]
     assert "No candidate succeeded in case 0 seed 0" in tuning.verdict
 
 
+@pytest.mark.slow
 def test_values_that_make_no_difference_are_reverted(tmp_path: Path) -> None:
     tuning = run_tune(tmp_path, Bowl(3), sim_time=0.6, trials=10)
     assert tuning.found
@@ -122,6 +125,7 @@ def test_barn_worlds_are_a_suite(data_dir: Path) -> None:
     assert suite.environment(rough=False) != suite.environment(rough=True)
 
 
+@pytest.mark.slow
 def test_several_objectives_are_reported_as_a_front(tmp_path: Path) -> None:
     tuning = run_tune(tmp_path, Bowl(3), sim_time=0.6, trials=12, objectives=("time", "clearance"))
     assert tuning.found
@@ -199,6 +203,7 @@ def test_perturbed_integers_are_integers() -> None:
     assert values_to_try(by_name["DWAPlannerROS/vx_samples"]) == [("halved", 2), ("doubled", 6)]
 
 
+@pytest.mark.slow
 def test_sensitivity_report(tmp_path: Path) -> None:
     suite = make_room(tmp_path)
     setup = prepare(SearchOptions(("turtlebot",), str(suite), param=("DWAPlannerROS/max_vel_trans=0.1:0.5",)))

@@ -36,6 +36,7 @@ def test_tables_count_outcomes_and_list_violations() -> None:
     assert len(random_tables(results[:2])) == 1
 
 
+@pytest.mark.slow
 def test_the_command_runs_saves_and_resumes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     command = ["bench", "random", "2", "--first", "5", "--time-limit", "1", "--processes", "1", "--out", str(tmp_path)]
     assert run([*command, "--json"]) == 0
@@ -58,6 +59,7 @@ def test_a_footprint_scenario_depends_on_its_number_only() -> None:
     assert {kind_of(number) for number in range(8)} == {(name, r) for name in FOOTPRINTS for r in (False, True)}
 
 
+@pytest.mark.slow
 def test_no_footprint_touches_an_obstacle(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["bench", "random", "24", "--footprints", "--processes", "1", "--json"]) == 0
     document = json.loads(capfd.readouterr().out)

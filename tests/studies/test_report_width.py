@@ -30,6 +30,7 @@ frame.srcdoc = CONTENT;
 </script>"""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="there is no browser on this machine")
 def test_the_report_fits_420_pixels(tmp_path: Path) -> None:
     tuning = run_tune(tmp_path / "study", OneInfeasible(4), sim_time=0.6, trials=6)

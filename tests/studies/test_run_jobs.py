@@ -240,6 +240,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_a_killed_run_is_resumed(tmp_path: Path, how: signal.Signals) -> None:
     """Two of four jobs wait on a pipe forever; the run is killed when the others are in the file, and its workers end too."""

@@ -32,6 +32,7 @@ def results() -> list[JobResult]:
     return [perform(task, job) for job in task.jobs()]
 
 
+@pytest.mark.slow
 def test_every_contact_with_the_monitor_is_explained(results: list[JobResult]) -> None:
     assert not any(result.failed for result in results)
     assert unexplained(results) == []
@@ -48,6 +49,7 @@ def test_the_monitor_prevents_contacts(results: list[JobResult]) -> None:
     assert driven > 0.5 * sum(result.value["driven_without_m"] for result in results)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "why"),
     [
@@ -93,6 +95,7 @@ def test_stopping_distance() -> None:
     assert stopping_distance(1.0, 0.5) == pytest.approx(0.1 + 1.0)
 
 
+@pytest.mark.slow
 def test_scenes_and_commands_depend_on_the_number_only() -> None:
     assert safety_scene(5) == safety_scene(5)
     assert safety_scene(5).shapes != safety_scene(8).shapes

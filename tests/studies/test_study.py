@@ -36,6 +36,7 @@ def fields(trials: list[Trial]) -> list[tuple[object, ...]]:
     return [(t.candidate, t.values, t.complete, t.origin, list(t.outcomes)) for t in trials]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampler", ["tpe", "cmaes"])
 def test_the_same_seed_gives_the_same_trials(tmp_path: Path, sampler: str) -> None:
     first = run(str(tmp_path / "a"), 13, sampler=sampler, seed=3)
@@ -46,6 +47,7 @@ def test_the_same_seed_gives_the_same_trials(tmp_path: Path, sampler: str) -> No
     assert len(first) == 13
 
 
+@pytest.mark.slow
 def test_better_values_are_found_and_bad_trials_are_pruned(tmp_path: Path) -> None:
     trials = run(str(tmp_path / "study"), 25)
     p = problem()
@@ -61,6 +63,7 @@ def test_better_values_are_found_and_bad_trials_are_pruned(tmp_path: Path) -> No
     assert trials[0].complete
 
 
+@pytest.mark.slow
 def test_a_resumed_study_equals_an_uninterrupted_one(tmp_path: Path) -> None:
     run(str(tmp_path / "a"), 5, seed=5)
     in_two = run(str(tmp_path / "a"), 9, seed=5, resume=True)
@@ -76,6 +79,7 @@ run({storage!r}, 8, evaluation=Bowl(suicide=Path({count!r}), after={after}), see
 """
 
 
+@pytest.mark.slow
 def test_no_trial_is_lost_or_repeated_after_a_kill(tmp_path: Path) -> None:
     storage, count = str(tmp_path / "study.journal"), str(tmp_path / "count")
     script = KILLED.format(storage=storage, count=count, after=11)
@@ -88,6 +92,7 @@ def test_no_trial_is_lost_or_repeated_after_a_kill(tmp_path: Path) -> None:
     assert fields(resumed) == fields(run(str(tmp_path / "whole"), 8, seed=2))
 
 
+@pytest.mark.slow
 def test_several_objectives_give_a_pareto_front(tmp_path: Path) -> None:
     names = ("time", "clearance")
     trials = run(str(tmp_path / "study"), 10, objectives=names)
@@ -102,6 +107,7 @@ def test_several_objectives_give_a_pareto_front(tmp_path: Path) -> None:
     assert best.values[0] == min(t.values[0] for t in front)
 
 
+@pytest.mark.slow
 def test_a_study_in_a_database(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path}/study.db"
     run(url, 2, seed=1, single_process=False)

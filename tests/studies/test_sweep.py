@@ -47,6 +47,7 @@ def cluster() -> Iterator[Any]:
             yield made
 
 
+@pytest.mark.slow
 def test_processes_and_cluster_write_the_same_lines(tmp_path: Path, cluster: Any) -> None:
     here = run_sweep(sweep(), tmp_path / "one.jsonl", workers=1)
     run_sweep(sweep(), tmp_path / "two.jsonl", workers=2)
@@ -59,6 +60,7 @@ def test_processes_and_cluster_write_the_same_lines(tmp_path: Path, cluster: Any
     assert all("sim_time=" in json.loads(line)["key"] for line in lines.splitlines()[1:])
 
 
+@pytest.mark.slow
 def test_no_run_is_lost_or_repeated_if_a_worker_is_killed(tmp_path: Path, cluster: Any) -> None:
     wanted = sweep(Slow(3), samples=5)
     expected = run_sweep(wanted, None, workers=2)
@@ -85,6 +87,7 @@ class Slow(Bowl):
         return super().drive(case, configuration)[0], None
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_resumes(tmp_path: Path) -> None:
     whole = run_sweep(sweep(), tmp_path / "whole.jsonl", workers=1)
     lines = (tmp_path / "whole.jsonl").read_text().splitlines(keepends=True)
@@ -98,6 +101,7 @@ def test_a_killed_sweep_resumes(tmp_path: Path) -> None:
     assert (tmp_path / "part.jsonl").read_text() == "".join(lines)
 
 
+@pytest.mark.slow
 def test_an_unreachable_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("navstack.studies.executors.CONNECT_TIMEOUT_S", 0.5)
     work = RunWork(load_configuration(["turtlebot"]), Bowl())
@@ -114,6 +118,7 @@ def test_invalid_candidates_have_results_too() -> None:
     assert "sim_time" in outcome["text"]
 
 
+@pytest.mark.slow
 def test_summary_ranks_candidates() -> None:
     wanted = sweep()
     report = wanted.report(run_sweep(wanted, None, workers=1))

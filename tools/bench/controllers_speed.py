@@ -1,4 +1,4 @@
-"""Time of a cycle of the controllers on one core, beside Nav2's C++ (golden_nav2/nav2_times.json).
+"""Time of a cycle of the controllers on one core, next to Nav2's C++ (golden_nav2/nav2_times.json).
 
     python tools/bench/controllers_speed.py [--repeats N] [--cycles N] [--batch 1000 2000] [--memory]
 
@@ -8,7 +8,7 @@ nav2_bringup's parameters and its eight critics, 56 steps. The followers drive a
 in a costmap of 6 m x 6 m at 0.05 m; the whole of `compute_command` is timed: path handler, goal checker, command, collision
 check.
 
-Processor times: other programs may share the processor, so the best is beside the median (p50) and p99. The calibration does
+Processor times: other programs may share the processor, the best is printed with the median (p50) and p99. The calibration does
 not cover the vector width, so the processor's name is printed. `--memory` runs 100,000 cycles of each controller and prints how
 the memory of the process grows.
 """

@@ -96,7 +96,7 @@ def replanning(
     *,
     changes: bool,
 ) -> Run:
-    """Replan as once per second: after a small step and a change of 6 x 6 cells beside the robot, or with no change."""
+    """Replan as once per second: after a small step and a change of 6 x 6 cells next to the robot, or with no change."""
     grid = costmap(data.copy())
     target = Pose2D(*grid.geometry.cell_to_world(*goal))
     path = planner.make_plan(grid, Pose2D(*grid.geometry.cell_to_world(*start)), target).path.poses

@@ -1,4 +1,4 @@
-"""Times of localization beside the C++ (golden_ros1/times.json): updates of amcl, the distance field, the odometry filter.
+"""Times of localization next to the C++ (golden_ros1/times.json): updates of amcl, the distance field, the odometry filter.
 
     python tools/bench/localization.py [--repeats N]
 

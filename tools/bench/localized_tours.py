@@ -1,4 +1,4 @@
-"""Tours through an office and Willow Garage on estimated poses, beside the same tours on the true pose.
+"""Tours through an office and Willow Garage on estimated poses, next to the same tours on the true pose.
 
     python tools/bench/localized_tours.py [--count N] [--map office|willow|both] [--seed N] [--verbose]
 
@@ -95,7 +95,7 @@ def places_of(name: str, grid: OccupancyGrid) -> np.ndarray[Any, Any]:
 
 
 def tour(name: str, grid: OccupancyGrid, places: np.ndarray[Any, Any], seed: int, *, estimated: bool) -> Scenario:
-    """Tour `seed`: goals at least 4 m apart, 12 things that are not on the map and leave 0.65 m beside them, 5 people."""
+    """Tour `seed`: goals at least 4 m apart, 12 things that are not on the map and leave 0.65 m next to them, 5 people."""
     rng = np.random.default_rng(seed)
     settings = {**NOISE, **(ESTIMATED if estimated else {})}
     overrides = [f"navstack/sim/{key}={value}" for key, value in settings.items()]

@@ -1,4 +1,4 @@
-"""Time of one check of the collision monitor, beside the times that Nav2 publishes: `python tools/bench/safety.py`.
+"""Time of one check of the collision monitor, next to the times that Nav2 publishes: `python tools/bench/safety.py`.
 
 Nav2's are those of the README of nav2_collision_monitor, on a machine that it does not name; so a ratio says little more than
 its order of magnitude. A check includes the message: points of the scan or cloud, their transform, and the decision.

@@ -3,7 +3,7 @@
     python tools/bench/smac_lattice.py [JOB ..] [--set NAME=VALUE] [--repeats N] [--queries]
 
 Times and costs are those of `smac.py`; "first" is the first plan of a new planner, primitives and their tables included, which
-stands beside C++'s configure. Turns in place cost rotation_penalty cells per
+stands next to C++'s configure. Turns in place cost rotation_penalty cells per
 26.6 degrees in both paths alike; an omnidirectional robot has no backward.
 """
 

@@ -6,7 +6,7 @@ import random
 from typing import Any, Final
 
 SPECIAL_FILES: Final = ("pipe", "loop", "dangling", "folder", "zero", "socket", "empty", "self.yaml", "self.launch")
-"""Names of files beside the input that are no regular files, or that name themselves (`special.make_special_files`)."""
+"""Names of files next to the input that are no regular files, or that name themselves (`special.make_special_files`)."""
 
 _MAX_NODES: Final = 20_000
 

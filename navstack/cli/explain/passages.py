@@ -71,7 +71,7 @@ class PassageOptions(NamedTuple):
         typer.Option(
             "--smallest-obstacle",
             metavar="M",
-            help="Leave out gaps beside smaller free-standing obstacles (m), which the robot can drive around.",
+            help="Leave out gaps next to smaller free-standing obstacles (m), which the robot can drive around.",
             min=0.0,
         ),
     ] = 0.0

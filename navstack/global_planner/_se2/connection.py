@@ -49,7 +49,7 @@ def heading_in_cell(costs, bits, shape, p, cell, headings, first):
     """Return (heading, checks): one at which the footprint may fit with its center in a cell, -1 where it fits at none.
 
     `shape`: `Shape.rows` of smaller footprints. Where that of level 0 is blocked at the middle of the cell and a heading, the
-    footprint is blocked all over the cell and up to the headings beside it; where that of level 1 is, in a part of them; where
+    footprint is blocked all over the cell and up to the headings next to it; where that of level 1 is, in a part of them; where
     that of level 2 is, all over the cell at every heading.
     `first`: the heading that is tried first.
     """

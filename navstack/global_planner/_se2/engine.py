@@ -284,7 +284,7 @@ class PoseSearch:
         return np.delete(self.shape.rows, (2, 3, 4, 5), axis=0)
 
     def follow(self, start: Pose, goals: NDArray[np.float64]) -> Outcome | None:
-        """The rest of the last path, from a pose beside it: if its goal, footprint and costs are the same, None otherwise.
+        """The rest of the last path, from a pose next to it: if its goal, footprint and costs are the same, None otherwise.
 
         It is as far above the least cost as the whole path was, and by the way back onto it.
         """

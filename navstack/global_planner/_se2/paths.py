@@ -402,14 +402,14 @@ def poses_of(segments, goal, spacing, turn_step, out):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The way from a pose beside a path back onto it. Coordinates are in cells.
+# The way from a pose next to a path back onto it. Coordinates are in cells.
 
 
 # pyright: basic
 
 
 NEAR = 4.5
-"""Cells: a pose is beside a path if it is this near to the start of a piece."""
+"""Cells: a pose is next to a path if it is this near to the start of a piece."""
 SAME = 1.5
 """Cells: a piece is as near as another one if it is farther away by at most this."""
 AHEAD = 4
@@ -420,7 +420,7 @@ DEARER = 1.02
 
 @plain_kernel
 def stretch_at(p, segments, start):
-    """Return (first, nearest): the pieces before and after a pose beside a path; (0, -1) if it is too far away.
+    """Return (first, nearest): the pieces before and after a pose next to a path; (0, -1) if it is too far away.
 
     Of a path that comes by more than once, as at a change of direction, it is the last time.
     """

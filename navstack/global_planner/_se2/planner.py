@@ -125,7 +125,7 @@ def _under(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> tuple[np.nda
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Straight ways into goals beside obstacles, where a curve to the goal itself would swing into them.
+# Straight ways into goals next to obstacles, where a curve to the goal itself would swing into them.
 
 
 MARGIN: Final = 1.5
@@ -427,7 +427,7 @@ class PosePlanner(GlobalPlanner):
         budget = self.params.max_iterations if self.params.max_iterations > 0 else UNLIMITED
         engine.time_limit, goals, used = self._time_limit(), ends.goals.copy(), 0
         shorten = self.params.smooth_path
-        # without curves, a search from the goal ends beside the start
+        # without curves, a search from the goal ends next to the start
         from_goal = self.params.heuristic_weight > 1.0 and self.params.analytic_expansion_max_length > 0.0
         motions = Motions(partial(self.table, resolution), self.heading_bin, self.finer_headings)
         first: Outcome | None = None

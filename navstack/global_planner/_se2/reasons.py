@@ -235,7 +235,7 @@ def narrow_stretches(
 def _narrow_along(engine: PoseSearch, grid: Costmap, route: NDArray[np.int64], turned: float) -> list[dict[str, Any]]:
     """The stretches of a route (n, 2) where the footprint does not fit, `turned` from the direction of the route (rad)."""
     tight = [i for i in range(1, len(route) - 1) if not _fits_along(engine, route, i, turned)]
-    # without a gap there, in one as wide as the robot is long, or beside the path in the gap, the robot has room
+    # without a gap there, in one as wide as the robot is long, or next to the path in the gap, the robot has room
     longest = 2.0 * engine.shape.reach * grid.geometry.resolution
     found_gaps = zip(tight, gaps(grid, route[tight]), strict=True)
     between = {i: gap for i, gap in found_gaps if gap is not None and gap.width_m < longest}
@@ -263,7 +263,7 @@ def _fits_along(engine: PoseSearch, route: NDArray[np.int64], i: int, turned: fl
 
 
 def _fits_beside(engine: PoseSearch, grid: Costmap, cell: NDArray[np.int64], gap: Gap, turned: float) -> bool:
-    """Whether the footprint fits somewhere beside a cell of a route, at a heading near that of its gap."""
+    """Whether the footprint fits somewhere next to a cell of a route, at a heading near that of its gap."""
     x, y = cell + 0.5
     half = 0.5 * gap.width_m / grid.geometry.resolution
     aside = np.linspace(-half, half, max(3, 2 * math.ceil(2.0 * half) + 1))

@@ -159,7 +159,7 @@ def try_curves(costs, bits, shapes, p, nodes, i, yaw):
 
 @plain_kernel
 def end_at_goals(costs, bits, shapes, p, headings, nodes, i):
-    """Try to end exactly at a goal from state `i` beside it, and from the states before: by lines, or curves of several radii."""
+    """Try to end exactly at a goal from state `i` near it, and from the states before: by lines or curves of several radii."""
     shape, goals = shapes[0], shapes[2]
     for _ in range(STATES_BACK):
         node = nodes[i]

@@ -287,7 +287,7 @@ def line_cost(cost, weights, clear, s, ax, ay, bx, by, limit):
     """Cost of the straight line between the centers of cells a and b: per cell, the length of the line in it times its weight.
 
     Every cell the line touches counts (supercover). The cost is inf when one of them is blocked, when the line passes exactly
-    through a corner and more than `cut_corners` of the two cells beside it are blocked, or as soon as it must exceed `limit`.
+    through a corner and more than `cut_corners` of the two cells next to it are blocked, or as soon as it must exceed `limit`.
     `s` is a record of SETTINGS. The weight of its cell `start` is `start_weight`.
     """
     nx, start = s.nx, s.start

@@ -135,7 +135,7 @@ class CellSearch(Search):
         centers = (corners + 0.5) * g.resolution + np.array([g.origin_x, g.origin_y])
         steps = np.abs(np.diff(corners, axis=0)).max(axis=1) if len(corners) > 1 else np.zeros(0, np.int64)
         has_lead = len(query.lead) > 0
-        # start and goal can be connected to the next center directly: both cells beside a diagonal are free
+        # start and goal can be connected to the next center directly: both cells next to a diagonal are free
         direct = bool((steps <= 1).all()) and not self._cut_corners
         parts = [centers[:1]] if has_lead else [np.array([query.start[:2]])]
         if not (has_lead or direct or _is_at(centers[0], query.start)):

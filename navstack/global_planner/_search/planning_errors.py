@@ -226,7 +226,7 @@ def goal_occupied(space: SearchSpace, goal: Pose2D, cell: Cell, tolerance: float
 
 
 def start_occupied(
-    space: SearchSpace, start: Pose2D, cell: Cell, *, because: str = "with no free cell beside it"
+    space: SearchSpace, start: Pose2D, cell: Cell, *, because: str = "with no free cell next to it"
 ) -> StartOccupiedError:
     """The error for a start in a blocked cell that no path can leave."""
     data = occupied_data(space, cell)

@@ -133,7 +133,7 @@ class SubcellPropagation(Propagation):
     def _seeds(self, query: WaveQuery) -> tuple[list[tuple[Cell, float]], list[Cell]]:
         """The seeds and the cells to queue first.
 
-        # ROS differs: beside an obstacle the start cell is the only seed; C++ seeds through the obstacle.
+        # ROS differs: next to an obstacle the start cell is the only seed; C++ seeds through the obstacle.
         """
         if not self._at_cells:
             square = _cells_around(*position_in_cells(query.grid.geometry, query.start))
@@ -165,7 +165,7 @@ def _cells_around(fx: float, fy: float) -> list[tuple[Cell, float]]:
 
 
 def _fronts_around(ix: int, iy: int) -> list[Cell]:
-    """The eight cells beside the 2 x 2 cells from (ix, iy), in the order of C++."""
+    """The eight cells next to the 2 x 2 cells from (ix, iy), in the order of C++."""
     return [
         (ix + 2, iy),
         (ix - 1, iy),

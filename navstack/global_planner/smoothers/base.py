@@ -83,7 +83,7 @@ def center_blocked(costs, x, y):
 
 @kernel
 def pose_collision(costs, grid, corners, placed, padding, pose):
-    """Return 2 if the center at a pose (3,), or a point `padding` cells beside it, is blocked, 1 if the footprint is, else 0.
+    """Return 2 if the center at a pose (3,), or a point `padding` cells next to it, is blocked, 1 if the footprint is, else 0.
 
     `corners` (2, n): of the footprint (m), n = 0 for none. `placed` (2, n) is scratch.
     """
@@ -208,7 +208,7 @@ def is_good(before: Array, after: Array, costmap: Costmap, footprint: Footprint 
 def bad_poses(
     before: Array, after: Array, costmap: Costmap, footprint: Footprint | None, radius: float
 ) -> NDArray[np.bool_]:
-    """Return (m,) the poses of a smoothed piece (m, 3) of a path (n, 3) with `bend_faults`, or with a collision beside them.
+    """Return (m,) the poses of a smoothed piece (m, 3) of a path (n, 3) with `bend_faults`, or with a collision next to them.
 
     A motion that collides no worse than that of the piece is accepted if both have as many poses.
     """

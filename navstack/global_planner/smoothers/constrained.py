@@ -6,12 +6,12 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import get_lapack_funcs
 
 from navstack.core import Costmap, Footprint, Path, kernel, plain_kernel
 from navstack.global_planner.smoothers.base import SAME_M, curvatures, is_good, require_finite, smooth_where_good
@@ -234,7 +234,14 @@ def expected_decrease(r, j, step):
 Array = NDArray[np.float64]
 _RADIUS, _LARGEST_RADIUS, _SMALLEST_RADIUS = 1e4, 1e16, 1e-32
 _LEAST_DECREASE: Final = 1e-3
-(_solve,) = get_lapack_funcs(("pbsv",), dtype=np.float64)
+
+
+@cache
+def _banded_solver() -> Any:
+    """Return LAPACK's banded Cholesky solver; scipy.linalg takes 0.2 s to import."""
+    from scipy.linalg import get_lapack_funcs
+
+    return get_lapack_funcs(("pbsv",), dtype=np.float64)[0]
 
 
 class Weights(NamedTuple):
@@ -319,7 +326,7 @@ def minimize(problem: Problem, points: Array, stops: Stops) -> Array | None:
         damped = band.copy()
         damped[-1] += np.clip(band[-1], 1e-6, 1e32) / radius
         damped[-1, fixed] = 1.0
-        _, solved, info = _solve(damped, -gradient.ravel())
+        _, solved, info = _banded_solver()(damped, -gradient.ravel())
         if info != 0:
             radius, shrink = radius / shrink, shrink * 2.0
             continue
@@ -718,7 +725,7 @@ class ConstrainedSmoother(Smoother):
         return with_kept_ends(out, poses, p)
 
     def _free(self, count: int) -> NDArray[np.bool_]:
-        """Which of the poses may move: not the ends, nor the poses beside them if the headings there stay."""
+        """Which of the poses may move: not the ends, nor the poses next to them if the headings there stay."""
         free = np.ones(count, np.bool_)
         first, last = 1 + self.params.keep_start_orientation, 1 + self.params.keep_goal_orientation
         free[:first] = free[max(0, count - last) :] = False

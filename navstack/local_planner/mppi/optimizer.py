@@ -277,7 +277,7 @@ class Optimizer:
         self.reset()
 
     def retry(self) -> None:
-        """Reset the sequence and the histories, and draw the noise anew.
+        """Reset the sequence and the histories, and draw new noise.
 
         ROS differs: Nav2 also resets the last command, so that the next one may be out of its reach.
         """
