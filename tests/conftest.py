@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -29,7 +30,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", None):
-        subprocess.run([sys.executable, "-m", "navstack", "compile"], stdout=subprocess.DEVNULL, check=False)
+        uses = DEFAULT_KERNELS if config.getoption("markexpr") == "not slow" else ()
+        subprocess.run([sys.executable, "-m", "navstack", "compile", *uses], stdout=subprocess.DEVNULL, check=False)
 
 
 CI_PARTS = {
@@ -39,14 +41,82 @@ CI_PARTS = {
 """Folders of tests that need real programs, by the variable that runs them."""
 
 
+COMPILING_FILES = frozenset(
+    [
+        "behaviors/test_motions.py",
+        "behaviors/test_nav2_behaviors.py",
+        "contracts/test_localizer_contract.py",
+        "core/test_collision.py",
+        "core/test_footprint_overlap.py",
+        "explain/test_command.py",
+        "explain/test_mppi_command.py",
+        "global_planner/test_both_ends.py",
+        "global_planner/test_constrained.py",
+        "global_planner/test_curves.py",
+        "global_planner/test_cusp_costs.py",
+        "global_planner/test_line_cost.py",
+        "global_planner/test_pose_scenes.py",
+        "global_planner/test_pose_search.py",
+        "global_planner/test_random_plans.py",
+        "global_planner/test_smac_hybrid.py",
+        "global_planner/test_smac_lattice.py",
+        "global_planner/test_smoothers.py",
+        "golden/test_amcl.py",
+        "golden/test_followers.py",
+        "golden/test_mppi.py",
+        "golden/test_nav2_safety.py",
+        "golden/test_smac.py",
+        "local_planner/test_cars.py",
+        "local_planner/test_escape.py",
+        "local_planner/test_followers.py",
+        "local_planner/test_mppi.py",
+        "local_planner/test_overlap.py",
+        "local_planner/test_velocity_sequences.py",
+        "localization/test_ekf.py",
+        "localization/test_inputs.py",
+        "localization/test_lost.py",
+        "localization/test_scan_matcher.py",
+        "localization/test_scan_search.py",
+        "logs/test_mapping.py",
+        "move_base/test_occupied_cell.py",
+        "properties/test_global_planner.py",
+        "properties/test_global_planner_replanning.py",
+        "properties/test_local_planner.py",
+        "safety/test_chain.py",
+        "safety/test_monitor.py",
+        "safety/test_near_beams.py",
+        "safety/test_run.py",
+        "safety/test_velocity_smoother.py",
+        "scenario/test_cars.py",
+        "scenario/test_random_scenarios.py",
+        "sim/test_crowd.py",
+        "sim/test_estimation.py",
+        "sim/test_movers.py",
+        "sim/test_shapes_in_scenarios.py",
+        "sim/test_sonar_stack.py",
+    ]
+)
+"""Files of tests that compile kernels which the default robot does not use, two minutes of them: they count as slow."""
+COMPILING_PLUGINS = re.compile(
+    r"Test\w+_(amcl|ConstraintCritic|CostCritic|PathAlignCritic|constrained|ekf|graceful|mppi|regulated_pure_pursuit|"
+    r"rotation_shim|savitzky_golay|scan_matching|smac_\w+)"
+)
+"""Contract suites of plugins that do so."""
+DEFAULT_KERNELS = ("astar", "dwa", "global_planner", "navfn", "trajectory_rollout")
+"""The kernels that the other tests use."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the tests that need real programs unless they are wanted, as in CI."""
+    """Mark tests by their folders, and skip those that need real programs unless they are wanted, as in CI."""
     tests = Path(__file__).parent
     for item in items:
         if not item.path.is_relative_to(tests):
             continue
-        variable = CI_PARTS.get(item.path.relative_to(tests).parts[0])
+        file = item.path.relative_to(tests)
+        if file.as_posix() in COMPILING_FILES or COMPILING_PLUGINS.search(item.nodeid):
+            item.add_marker(pytest.mark.slow)
+        variable = CI_PARTS.get(file.parts[0])
         if variable is not None:
             item.add_marker(pytest.mark.real)
         if variable is not None and os.environ.get(variable) != "1":

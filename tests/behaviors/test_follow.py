@@ -187,6 +187,7 @@ def test_a_robot_that_is_left_behind_loses_the_trajectory() -> None:
         stage.run()
 
 
+@pytest.mark.slow
 def test_following_stops_before_an_obstacle() -> None:
     curve = CURVES["figure_eight"].moved_to(START, "map")
     at = curve.at(8.0).pose

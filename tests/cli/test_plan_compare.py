@@ -126,6 +126,7 @@ def test_each_entry_may_have_a_smoother(capfd: pytest.CaptureFixture[str]) -> No
     assert len({d["length_m"] for d in documents}) == 3
 
 
+@pytest.mark.slow
 def test_the_smoother_is_named_and_timed(capfd: pytest.CaptureFixture[str]) -> None:
     assert run([*QUERY, "--compare", "navfn,astar", "--smoother", "nav2_smoother::SimpleSmoother", "--json"]) == 0
     documents = json.loads(capfd.readouterr().out)

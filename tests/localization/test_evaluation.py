@@ -54,6 +54,7 @@ def test_a_map_from_odd_scans_and_tracking_on_the_even_ones(
         assert getattr(film, "n_frames", 1) == 8
 
 
+@pytest.mark.slow
 def test_a_global_start_over_a_drive(log_file: Path) -> None:
     localizer, cloud = Method().build(0)
     localizer.set_map(rooms())

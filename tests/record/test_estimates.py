@@ -120,6 +120,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
     return Record.load(folder)
 
 
+@pytest.mark.slow
 def test_a_run_on_amcl(record: Record) -> None:
     table = estimates_of(record)
     assert len(table) > 3

@@ -187,6 +187,7 @@ def test_a_scenario_without_goals_needs_interactions(tmp_path: Path) -> None:
         load_scenario(file)
 
 
+@pytest.mark.slow
 def test_teleop_goes_through_the_collision_monitor(tmp_path: Path) -> None:
     """At each time, the command is sent once: sending it is work that is due at once."""
     file = tmp_path / "teleop.yaml"

@@ -32,6 +32,7 @@ def parked(tmp_path_factory: pytest.TempPathFactory) -> Record:
     return Record.load(folder)
 
 
+@pytest.mark.slow
 def test_the_record_keeps_the_angle_and_the_base(parked: Record) -> None:
     base = parked.steered_base
     assert base == SteeredBase("ackermann", 0.5, 0.55, 2.0)

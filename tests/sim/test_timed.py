@@ -159,6 +159,7 @@ def test_invalid_shapes_are_rejected(wrong: dict[str, object], message: str) -> 
         Shape.model_validate(wrong)
 
 
+@pytest.mark.slow
 def test_moving_shapes_do_not_depend_on_the_division_into_calls() -> None:
     shapes = [
         Shape(box=[0.5, 0.3], motion=OnTrack(points=[[1, -2], [1, 2]], speed=0.6, spin=1.0)),

@@ -38,6 +38,7 @@ def test_every_contact_with_the_monitor_is_explained(results: list[JobResult]) -
     assert unexplained(results) == []
 
 
+@pytest.mark.slow
 def test_the_monitor_prevents_contacts(results: list[JobResult]) -> None:
     with_it = sum(_still(result.value["with"]) for result in results)
     without = sum(_still(result.value["without"]) for result in results)
