@@ -32,14 +32,13 @@ def test_the_run_command_ends_in_the_main_job() -> None:
     assert last == ".venv/bin/navstack simulate"
 
 
-def test_every_command_named_is_there() -> None:
-    from navstack.cli.app import COMMANDS, EXPLAIN_COMMANDS
+def test_the_commands_named_exist_and_the_page_of_commands_has_all() -> None:
+    from navstack.cli.app import COMMANDS as KNOWN
+    from navstack.cli.app import EXPLAIN_COMMANDS
 
-    known = set(COMMANDS)
-    named = set(re.findall(r"^navstack ([a-z0-9-]+)", README, re.MULTILINE))
-    assert named <= known
-    assert known <= named, f"not in the README: {known - named}"
-    assert set(EXPLAIN_COMMANDS) <= set(re.findall(r"^navstack explain ([a-z]+)", README, re.MULTILINE))
+    assert set(re.findall(r"^navstack ([a-z0-9-]+)", README, re.MULTILINE)) <= set(KNOWN)
+    assert set(KNOWN) <= set(re.findall(r"^navstack ([a-z0-9-]+)", COMMANDS, re.MULTILINE))
+    assert set(EXPLAIN_COMMANDS) <= set(re.findall(r"^navstack explain ([a-z]+)", COMMANDS, re.MULTILINE))
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ Each picture is the output of a command, so that a reader can reproduce it.
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -40,10 +41,33 @@ def _localization(images: Path, folder: Path) -> None:
     navstack("localize", drive, "--global", "--to", "10", "--animate", images / "localization_start.gif")
 
 
+def _speed(images: Path) -> None:
+    """Draw the table of the benchmarks page that compares the stages with C++."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    text = (IMAGES.parent / "benchmarks" / "index.md").read_text(encoding="utf-8")
+    section = text[text.index("## Against C++") :].split("\n## ")[0]
+    rows = [(stage, float(ratio)) for stage, ratio in re.findall(r"^\| (.+?) \| ([\d.]+) \|$", section, re.MULTILINE)]
+    with mpl.rc_context({"font.size": 8}):
+        figure = Figure(figsize=(7.2, 0.2 * len(rows) + 0.7), layout="constrained")
+        axes = figure.add_subplot()
+        bars = axes.barh([stage for stage, _ in rows], [ratio for _, ratio in rows], color="#0072b2", height=0.7)
+        axes.bar_label(bars, fmt="%gx", padding=3)
+        axes.axvline(1.0, color="#d55e00", lw=1.2)
+        axes.text(1.0, -0.9, "C++", color="#d55e00", ha="center")
+        axes.invert_yaxis()
+        axes.set_xlabel("speed as a multiple of that of C++")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.margins(y=0.01)
+        figure.savefig(images / "speed.png", dpi=150)
+
+
 def main() -> None:
     """Draw every picture."""
     images = Path(sys.argv[1]) if len(sys.argv) > 1 else IMAGES
     images.mkdir(parents=True, exist_ok=True)
+    _speed(images)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         navstack("simulate", "office", "--out", folder / "office")
