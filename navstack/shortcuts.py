@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final, Literal, overload
+from typing import TYPE_CHECKING, Any, Final, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +44,9 @@ from navstack.scenario import (
     suite_names,
 )
 from navstack.studies import Column, Job, JobResult, Table, run_jobs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 World = str | Path | OccupancyGrid | Scenario
 """A packaged scenario or map by name, a scenario file or a map file, or the object."""
@@ -503,7 +506,8 @@ def _plan_on_map(
     return MapPlan(**values, planned=planned, ends=ends)
 
 
-def _png(axes: Any) -> bytes:
+def _png(axes: Axes) -> bytes:
     buffer = io.BytesIO()
-    axes.figure.savefig(buffer, format="png")
+    figure: Any = axes.figure
+    figure.savefig(buffer, format="png")
     return buffer.getvalue()

@@ -6,9 +6,12 @@ import math
 import os
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from navstack.plot import canvas, colors
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Row = Mapping[str, Any]
 """A world: world, optimal_time_s, runs, success, collision, other, time_s; if C++ is known, cpp_outcome and cpp_time_s."""
@@ -26,7 +29,7 @@ def plot_success(
     rows: Sequence[Row],
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     title: str,
     dpi: float = 130.0,
 ) -> Any:
@@ -58,7 +61,7 @@ def plot_success(
         return canvas.finish(axes.figure, axes, path, dpi)
 
 
-def _draw_cpp_outcomes(axes: Any, rows: Sequence[Row]) -> None:
+def _draw_cpp_outcomes(axes: Axes, rows: Sequence[Row]) -> None:
     for key, label, color in _OUTCOMES:
         worlds = [i for i, row in enumerate(rows) if _cpp_outcome(row) == key]
         axes.plot(worlds, [1.08] * len(worlds), "s", ms=5.0, color=color, mec=colors.INK, mew=0.5)
@@ -75,7 +78,7 @@ def plot_times(
     rows: Sequence[Row],
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     title: str,
     dpi: float = 130.0,
 ) -> Any:
@@ -110,7 +113,7 @@ def plot_times(
         return canvas.finish(axes.figure, axes, path, dpi)
 
 
-def _draw_score_lines(axes: Any, low: float, high: float) -> None:
+def _draw_score_lines(axes: Axes, low: float, high: float) -> None:
     for factor, score in _SCORE_LINES:
         axes.plot([low, high], [factor * low, factor * high], color=colors.FAINT, lw=0.8, ls=(0, (4, 2)), zorder=1)
         axes.annotate(
@@ -135,7 +138,7 @@ def plot_pairs(
     pairs: Times,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     title: str,
     names: tuple[str, str],
     dpi: float = 130.0,
@@ -208,7 +211,7 @@ def plot_controllers(
     rows: Sequence[Row],
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     title: str,
     dpi: float = 130.0,
 ) -> Any:
@@ -245,7 +248,7 @@ def plot_controllers(
         return canvas.finish(whole.figure, whole, path, dpi)
 
 
-def _draw_intervals(axes: Any, panel: _Panel, rows: Sequence[Row | None]) -> None:
+def _draw_intervals(axes: Axes, panel: _Panel, rows: Sequence[Row | None]) -> None:
     for k, row in enumerate(rows):
         interval = row.get(panel.key) if row is not None else None
         if row is None or interval is None or math.isnan(interval.value):
@@ -273,9 +276,9 @@ def _draw_intervals(axes: Any, panel: _Panel, rows: Sequence[Row | None]) -> Non
         axes.set_ylim(0.0, 1.08 * axes.get_ylim()[1])
 
 
-def _plain(value: float, _: int) -> str:
+def _plain(value: float, _: float) -> str:
     return f"{value:g}"
 
 
-def _nothing(_: float, __: int) -> str:
+def _nothing(_: float, __: float) -> str:
     return ""

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import InputError, OutputError, atomic_write, ensure_directory
 from navstack.plot import colors
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FORMATS = (".png", ".svg", ".pdf")
 GRID = "#E3E3E3"
@@ -114,32 +117,33 @@ def figure_for(
     return new(width_in, height_in, layout=layout)
 
 
-def chart_axes(path: str | os.PathLike[str] | None, ax: Any, width_in: float, height_in: float) -> Any:
+def chart_axes(path: str | os.PathLike[str] | None, ax: Axes | None, width_in: float, height_in: float) -> Any:
     """Return the axes of a chart: `ax`, or those of a new figure."""
     if ax is not None:
         return ax
     return figure_for(path, width_in, height_in, layout="constrained").add_subplot()
 
 
-def stacked_axes(ax: Any, heights: Sequence[float]) -> list[Any]:
+def stacked_axes(ax: Axes | Sequence[Axes], heights: Sequence[float]) -> list[Axes]:
     """Return one axes per panel, from top to bottom: the given ones, or single axes divided in proportion to `heights`.
 
     Raises InputError for another number of axes.
     """
-    given = [ax] if hasattr(ax, "inset_axes") else list(ax)
+    given = list(ax) if isinstance(ax, Iterable) else [ax]
     if len(given) == len(heights):
         return given
     if len(given) != 1:
         raise InputError(
             f"the picture has {len(heights)} panels, but ax has {len(given)} axes; give one or {len(heights)}"
         )
-    ax.set_axis_off()
+    outer = given[0]
+    outer.set_axis_off()
     gap = 0.25 / len(heights)
     scale = (1.0 - gap * (len(heights) - 1)) / sum(heights)
-    found: list[Any] = []
+    found: list[Axes] = []
     top = 1.0
     for height in heights:
-        found.append(ax.inset_axes((0.0, top - scale * height, 1.0, scale * height)))
+        found.append(outer.inset_axes((0.0, top - scale * height, 1.0, scale * height)))
         top -= scale * height + gap
     return found
 
@@ -150,7 +154,7 @@ class Panels:
     def __init__(
         self,
         path: str | os.PathLike[str] | None,
-        ax: Any,
+        ax: Axes | Sequence[Axes] | None,
         places: Sequence[tuple[float, float]],
         *,
         title: str,
@@ -214,7 +218,7 @@ def write_title(figure: Any, left: float, title: str, subtitle: str = "") -> Non
 
 
 def shade(
-    axes: Any, times: NDArray[np.float64], chosen: NDArray[np.bool_], color: str, *, alpha: float, label: str
+    axes: Axes, times: NDArray[np.float64], chosen: NDArray[np.bool_], color: str, *, alpha: float, label: str
 ) -> None:
     """Shade the times (n,) of the `chosen` samples, each up to the next sample; the legend has one entry for them."""
     ends = np.append(times[1:], times[-1] + 0.05)
@@ -223,12 +227,12 @@ def shade(
         axes.axvspan(times[begin], ends[end - 1], color=color, alpha=alpha, lw=0, zorder=0, label=None if i else label)
 
 
-def finish(figure: Any, axes: Any, path: str | os.PathLike[str] | None, dpi: float) -> Any:
-    """Write the figure and returns the file; without a path returns the axes."""
+def finish(figure: Any, axes: Axes | Sequence[Axes], path: str | os.PathLike[str] | None, dpi: float) -> Any:
+    """Write the figure and return the file; without a path return the axes."""
     return axes if path is None else save(figure, Path(path), dpi)
 
 
-def check_target(path: str | os.PathLike[str] | None, ax: Any) -> None:
+def check_target(path: str | os.PathLike[str] | None, ax: object) -> None:
     """Raise OutputError for a suffix that is no format of pictures, InputError for a file and axes at once."""
     if path is not None:
         if ax is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,11 @@ from navstack.core import InputError, Transform2D
 from navstack.plot import canvas, colors
 from navstack.plot.picture import Entries
 from navstack.record import Record, SteeredBase
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
 
 ACTIONS: Final[dict[str, tuple[str, str]]] = {
     "stop": (colors.VERMILLION, "s"),
@@ -28,7 +33,7 @@ _PANELS: Final = ((3.0, 1.75), (0.55, 1.95))
 _LABELS: Final = ("forward (m/s)", "turn (rad/s)")
 
 
-def draw_changed_commands(axes: Any, record: Record, entries: Entries) -> None:
+def draw_changed_commands(axes: Axes, record: Record, entries: Entries) -> None:
     """Draw a mark where the collision monitor changed a command, and its zones where an action began."""
     rows = record.command_steps
     if not len(rows) or not len(record.times):
@@ -46,7 +51,7 @@ def draw_changed_commands(axes: Any, record: Record, entries: Entries) -> None:
     _draw_zones(axes, record, rows, entries)
 
 
-def _draw_zones(axes: Any, record: Record, rows: NDArray[np.void], entries: Entries) -> None:
+def _draw_zones(axes: Axes, record: Record, rows: NDArray[np.void], entries: Entries) -> None:
     """Draw the outline of a zone at the first places where it began to act."""
     begins = [i for i in range(len(rows)) if rows["zone"][i] and (i == 0 or rows["zone"][i - 1] != rows["zone"][i])]
     outlines = {name: corners for name, _, corners in record.zones if len(corners)}
@@ -65,7 +70,7 @@ def plot_commands(
     record: Record,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | Sequence[Axes] | None = None,
     title: str = "commands on their way to the robot",
     dpi: float = 130.0,
 ) -> Any:
@@ -101,11 +106,12 @@ def _draw_commands(panels: canvas.Panels, rows: NDArray[np.void]) -> None:
         for action, (color, _) in ACTIONS.items():
             acting = (rows["action"] == action) & (rows["changed_by"] == "collision_monitor")
             canvas.shade(axes, times, acting, color, alpha=0.28, label=f"collision monitor: {action}")
-        for stage, what, style in (
+        styles: tuple[tuple[str, str, dict[str, Any]], ...] = (
             ("requested", "requested", {"color": colors.FAINT, "lw": 1.2}),
             ("smoothed", "after the velocity smoother", {"color": colors.SKY, "lw": 1.4, "ls": (0, (4, 1.5))}),
             ("sent", "sent to the robot", {"color": colors.BLUE, "lw": 1.7}),
-        ):
+        )
+        for stage, what, style in styles:
             axes.plot(times, rows[f"{stage}_{axis}"], drawstyle="steps-post", label=what, **style)
         axes.axhline(0.0, color=colors.FAINT, lw=0.6, zorder=1)
         axes.set_ylabel(label)
@@ -121,7 +127,7 @@ def plot_replay(
     rejected: NDArray[np.bool_],
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | Sequence[Axes] | None = None,
     title: str = "commands of a replay",
     first_difference: float | None = None,
     dpi: float = 130.0,
@@ -175,7 +181,7 @@ def plot_steering(
     record: Record,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | Sequence[Axes] | None = None,
     title: str = "speed and steering angle",
     dpi: float = 130.0,
 ) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from navstack.core import Bounds, Footprint, GridGeometry, OccupancyGrid, Pose2D, Transform2D
 from navstack.plot import colors
 from navstack.plot.colors import Paint
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MARK_PT = 7.0
 """Radius of the discs of start and goals, in points (1/72 inch)."""
@@ -47,7 +50,7 @@ def visible(
 
 
 def draw_grid(
-    axes: Any,
+    axes: Axes,
     cells: NDArray[Any],
     paint: Paint,
     geometry: GridGeometry,
@@ -74,7 +77,7 @@ def map_pose(grid: OccupancyGrid) -> Transform2D:
     return Transform2D(g.origin_x, g.origin_y, grid.origin_yaw) @ Transform2D(-g.origin_x, -g.origin_y, 0.0)
 
 
-def draw_occupancy(axes: Any, grid: OccupancyGrid, *, area: Bounds) -> None:
+def draw_occupancy(axes: Axes, grid: OccupancyGrid, *, area: Bounds) -> None:
     """Draw the part of a map inside `area`."""
     draw_grid(axes, grid.data, colors.OCCUPANCY, grid.geometry, area=area, pose=map_pose(grid))
 
@@ -87,7 +90,7 @@ def transform_of(pose: Transform2D) -> Any:
 
 
 def draw_line(
-    axes: Any, poses: NDArray[np.float64], color: str, *, width: float, casing: bool = False, **options: Any
+    axes: Axes, poses: NDArray[np.float64], color: str, *, width: float, casing: bool = False, **options: Any
 ) -> Any:
     """Draw a line through poses (n, 2+); a white casing keeps it legible on any background. Returns the line."""
     from matplotlib.patheffects import Normal, Stroke
@@ -109,7 +112,7 @@ class Mark:
     """White with a colored edge: a goal that was not reached."""
 
 
-def draw_marks(axes: Any, marks: Sequence[Mark], points_per_m: float, *, zorder: float = 8.0) -> None:
+def draw_marks(axes: Axes, marks: Sequence[Mark], points_per_m: float, *, zorder: float = 8.0) -> None:
     """Draw marks. Marks that overlap share the disc of the first one, which lists their texts."""
     for group in _overlapping(marks, 1.5 * MARK_PT / points_per_m):
         _draw_group(axes, group, points_per_m, zorder)
@@ -130,7 +133,7 @@ def _overlapping(marks: Sequence[Mark], distance: float) -> list[list[Mark]]:
     return groups
 
 
-def _draw_group(axes: Any, group: Sequence[Mark], points_per_m: float, zorder: float) -> None:
+def _draw_group(axes: Axes, group: Sequence[Mark], points_per_m: float, zorder: float) -> None:
     at = group[0].pose
     for mark in group:
         _arrow(axes, at, mark.pose.yaw, mark.color, MARK_PT / points_per_m, zorder)
@@ -152,7 +155,7 @@ def _draw_group(axes: Any, group: Sequence[Mark], points_per_m: float, zorder: f
     )
 
 
-def draw_footprint(axes: Any, footprint: Footprint, pose: Pose2D, *, zorder: float = 4.8) -> Any:
+def draw_footprint(axes: Axes, footprint: Footprint, pose: Pose2D, *, zorder: float = 4.8) -> Any:
     """Draw the footprint at a pose. Returns the polygon."""
     (polygon,) = axes.fill(
         *footprint.at(pose).T, facecolor=colors.FOOTPRINT + "40", edgecolor=colors.BLUE, lw=0.8, zorder=zorder
@@ -160,7 +163,7 @@ def draw_footprint(axes: Any, footprint: Footprint, pose: Pose2D, *, zorder: flo
     return polygon
 
 
-def draw_rings(axes: Any, points: NDArray[np.float64], color: str, **options: Any) -> Any:
+def draw_rings(axes: Axes, points: NDArray[np.float64], color: str, **options: Any) -> Any:
     """Draw diamonds (n, 2+) that leave visible what they surround: the robot, or the text of a mark."""
     from matplotlib.patheffects import withStroke
 
@@ -177,13 +180,13 @@ def ring_handle(color: str) -> Any:
     return Line2D([], [], ls="none", marker="D", ms=6.5, mfc="none", mec=color, mew=1.8)
 
 
-def draw_heading(axes: Any, pose: Pose2D, color: str, points_per_m: float) -> None:
+def draw_heading(axes: Axes, pose: Pose2D, color: str, points_per_m: float) -> None:
     """Draw a small disc with an arrow for the heading."""
     _arrow(axes, pose, pose.yaw, color, 4.5 / points_per_m, 6.0)
     axes.plot([pose.x], [pose.y], "o", ms=5, color=color, mec="white", mew=0.8, zorder=6.1)
 
 
-def _arrow(axes: Any, at: Pose2D, yaw: float, color: str, radius: float, zorder: float) -> None:
+def _arrow(axes: Axes, at: Pose2D, yaw: float, color: str, radius: float, zorder: float) -> None:
     c, s = math.cos(yaw), math.sin(yaw)
     axes.annotate(
         "",

@@ -16,6 +16,8 @@ from navstack.plot import canvas, colors, drawing
 from navstack.plot.picture import Entries, Picture, area_of, area_of_grid, cost_legend, shaped
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from navstack.explain import CommandReport
 
 Shapes = dict[int, NDArray[np.float64]]
@@ -35,7 +37,7 @@ _LONGEST_SUBTITLE: Final = 110
 
 
 def plot_command(
-    report: CommandReport, path: str | os.PathLike[str] | None = None, *, ax: Any = None, dpi: float = 130.0
+    report: CommandReport, path: str | os.PathLike[str] | None = None, *, ax: Axes | None = None, dpi: float = 130.0
 ) -> Any:
     """Draw the trajectories of a control cycle; `report` is the result of `explain_command(record, time)`.
 
@@ -112,7 +114,7 @@ def plot_fan(
     costmap: Costmap,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     robot: Pose2D,
     footprint: Footprint | None = None,
     plan: NDArray[np.float64] | None = None,
@@ -166,7 +168,7 @@ def _area(fan: Fan, robot: Pose2D, radius: float, costmap: Costmap) -> Bounds:
     return area
 
 
-def _draw_rejected(axes: Any, fan: Fan, shapes: Shapes) -> Entries:
+def _draw_rejected(axes: Axes, fan: Fan, shapes: Shapes) -> Entries:
     """Draw rejected trajectories, up to the collision if they have one."""
     entries: Entries = []
     for number, (name, rows) in enumerate(fan.rejections().items()):
@@ -182,7 +184,7 @@ def _draw_rejected(axes: Any, fan: Fan, shapes: Shapes) -> Entries:
     return entries
 
 
-def _draw_legal(axes: Any, fan: Fan, shapes: Shapes, scale: CostScale) -> Entries:
+def _draw_legal(axes: Axes, fan: Fan, shapes: Shapes, scale: CostScale) -> Entries:
     legal = fan.legal
     # in the order of descending cost, so that cheap trajectories are on top
     for k in sorted(legal.tolist(), key=lambda k: -fan.totals[k]):
@@ -194,7 +196,7 @@ def _draw_legal(axes: Any, fan: Fan, shapes: Shapes, scale: CostScale) -> Entrie
 
 
 def _draw_surroundings(
-    axes: Any, robot: Pose2D, footprint: Footprint | None, plan: NDArray[np.float64] | None
+    axes: Axes, robot: Pose2D, footprint: Footprint | None, plan: NDArray[np.float64] | None
 ) -> Entries:
     entries: Entries = []
     if plan is not None and len(plan):
@@ -205,7 +207,7 @@ def _draw_surroundings(
     return entries
 
 
-def _draw_best(axes: Any, fan: Fan, shapes: Shapes, footprint: Footprint | None) -> Entries:
+def _draw_best(axes: Axes, fan: Fan, shapes: Shapes, footprint: Footprint | None) -> Entries:
     """Draw the chosen trajectory, with the footprint at its end."""
     best = fan.best
     if best < 0 or fan.counts[best] == 0:
@@ -253,7 +255,7 @@ def trajectory_shapes(
     return shapes
 
 
-def draw_arrow_head(axes: Any, path: NDArray[np.float64]) -> None:
+def draw_arrow_head(axes: Axes, path: NDArray[np.float64]) -> None:
     """Draw an arrow head at the end of a path (n, 2+)."""
     apart = np.flatnonzero(np.hypot(*(path[:, :2] - path[-1, :2]).T) > 1e-3)
     if not len(apart):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +31,16 @@ from navstack.plot.run import (
 )
 from navstack.record import Record
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # --- layers of a frame ------------------------------------------------------------------------------------------------
 
 
 class Stamp:
     """Artists that never change, drawn once. Copying their pixels takes a tenth of the time of drawing them."""
 
-    def __init__(self, surface: Any, axes: Any, artists: list[Any]) -> None:
+    def __init__(self, surface: Any, axes: Axes, artists: list[Any]) -> None:
         surface.get_renderer().clear()
         for artist in artists:
             axes.draw_artist(artist)
@@ -57,7 +60,7 @@ class Stamp:
 class CostmapLayer:
     """A costmap over the map. Free cells are transparent; the local costmap has a border."""
 
-    def __init__(self, axes: Any, record: Record, name: str, area: Bounds) -> None:
+    def __init__(self, axes: Axes, record: Record, name: str, area: Bounds) -> None:
         self.name = name
         self._area = area
         self._record = record
@@ -124,7 +127,7 @@ class Film:
         self._record = record
         self._picture = Picture(area_of_run(record), title=title, subtitle=" ")
         self._picture.figure.set_dpi(dpi)
-        axes: Any = self._picture.axes
+        axes: Axes = self._picture.axes
         draw_map(axes, record, self._picture.area)
         self._layers = [
             CostmapLayer(axes, record, name, self._picture.area)
@@ -201,7 +204,7 @@ class Film:
 class _RobotArtists:
     """The robot with its driven path, plan and trajectory."""
 
-    def __init__(self, axes: Any, record: Record) -> None:
+    def __init__(self, axes: Axes, record: Record) -> None:
         self._record = record
         options: dict[str, Any] = {"animated": True}
         empty = np.empty((0, 2))
@@ -254,7 +257,7 @@ class _RobotArtists:
 class _IncidentArtists:
     """Markers of recoveries and collisions."""
 
-    def __init__(self, axes: Any, record: Record) -> None:
+    def __init__(self, axes: Axes, record: Record) -> None:
         self._record = record
         self._times = np.array([event.time for event in incidents(record)])
         self._points = np.array([record.pose_at(t)[:2] for t in self._times]).reshape(-1, 2)
@@ -281,7 +284,7 @@ class _IncidentArtists:
 class _MovingObstacles:
     """Patches of the obstacles that move during the run."""
 
-    def __init__(self, axes: Any, record: Record) -> None:
+    def __init__(self, axes: Axes, record: Record) -> None:
         self._record = record
         self._rows = [k for k, moved in enumerate(obstacles_moved(record)) if moved]
         _, self.patches = obstacle_patches(record, float(record.times[0]))

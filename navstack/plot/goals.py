@@ -16,6 +16,8 @@ from navstack.plot.run import circumstances
 from navstack.record import Record
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from navstack.explain import GoalReport, RecoveryRun
 
 _PANELS: Final = ((3.55, 2.35), (2.1, 1.2), (0.55, 1.3))
@@ -35,7 +37,7 @@ def plot_goal_reports(
     reports: Sequence[GoalReport],
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | Sequence[Axes] | None = None,
     record: Record | None = None,
     dpi: float = 130.0,
 ) -> Any:
@@ -108,7 +110,7 @@ def _shade_states(panels: Sequence[Any], goals: Sequence[GoalReport]) -> None:
                 )
 
 
-def _draw_distance(axes: Any, goals: Sequence[GoalReport]) -> None:
+def _draw_distance(axes: Axes, goals: Sequence[GoalReport]) -> None:
     """Draw the straight-line distance, the remaining length of the plan and the terminal states."""
     highest = 0.1
     for goal in goals:
@@ -124,7 +126,7 @@ def _draw_distance(axes: Any, goals: Sequence[GoalReport]) -> None:
         _draw_outcome(axes, goal, 1.19 * highest, alone=len(goals) == 1)
 
 
-def _draw_outcome(axes: Any, goal: GoalReport, y: float, *, alone: bool) -> None:
+def _draw_outcome(axes: Axes, goal: GoalReport, y: float, *, alone: bool) -> None:
     """A vertical line at the end of a goal, labeled as far as the label fits."""
     color = colors.GREEN if goal.status == "SUCCEEDED" else colors.VERMILLION
     axes.axvline(goal.ended, color=color, lw=1.2, zorder=2)
@@ -150,7 +152,7 @@ def _draw_outcome(axes: Any, goal: GoalReport, y: float, *, alone: bool) -> None
     )
 
 
-def _draw_velocity(axes: Any, goals: Sequence[GoalReport]) -> None:
+def _draw_velocity(axes: Axes, goals: Sequence[GoalReport]) -> None:
     """Draw linear and angular velocity."""
     for goal in goals:
         speed = np.where(np.abs(goal.velocity[:, 1]) > 1e-9, np.hypot(*goal.velocity[:, :2].T), goal.velocity[:, 0])
@@ -162,7 +164,7 @@ def _draw_velocity(axes: Any, goals: Sequence[GoalReport]) -> None:
     axes.set_ylabel("velocity\n(m/s, rad/s)")
 
 
-def _draw_lanes(axes: Any, goals: Sequence[GoalReport]) -> None:
+def _draw_lanes(axes: Axes, goals: Sequence[GoalReport]) -> None:
     """Draw states, plans, failures and recoveries, one lane each."""
     axes.set_ylim(len(_LANES) - 0.5, -0.5)
     axes.set_yticks(range(len(_LANES)), _LANES)
@@ -181,7 +183,7 @@ def _draw_lanes(axes: Any, goals: Sequence[GoalReport]) -> None:
             _draw_recovery(axes, recovery, number)
 
 
-def _draw_recovery(axes: Any, recovery: RecoveryRun, number: int) -> None:
+def _draw_recovery(axes: Axes, recovery: RecoveryRun, number: int) -> None:
     color = colors.VERMILLION if recovery.outcome == "failed" else colors.PURPLE
     if recovery.end > recovery.begin:
         axes.barh(

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from navstack.plot import canvas, colors
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from navstack.explain import InflationCurve
 
 _COLORS: Final = (colors.BLUE, colors.VERMILLION)
@@ -23,7 +25,7 @@ def plot_inflation_curves(
     curves: Sequence[InflationCurve],
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | Sequence[Axes] | None = None,
     title: str = "inflation",
     dpi: float = 130.0,
 ) -> Any:
@@ -64,7 +66,7 @@ def _distances(curve: InflationCurve) -> NDArray[np.float64]:
     return np.linspace(0.0, 1.05 * reach, 1200)
 
 
-def _draw_curve(axes: Any, curve: InflationCurve, color: str, reach: float) -> None:
+def _draw_curve(axes: Axes, curve: InflationCurve, color: str, reach: float) -> None:
     distances = _distances(curve)
     axes.set_xlim(0.0, reach)
     axes.set_ylim(-6.0, 268.0)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from navstack.global_planner import Lattice, sample
 from navstack.plot import canvas
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _SIZE: Final = 6.4
 _COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
@@ -20,7 +23,7 @@ _STYLES: Final = ("-", "--", ":", "-.")
 
 
 def plot_lattice(
-    lattice: Lattice, path: str | os.PathLike[str] | None = None, *, ax: Any = None, dpi: float = 130.0
+    lattice: Lattice, path: str | os.PathLike[str] | None = None, *, ax: Axes | None = None, dpi: float = 130.0
 ) -> Any:
     """Draw the primitives of all headings, those of the headings from 0 to below 90 degrees in color.
 
@@ -33,7 +36,7 @@ def plot_lattice(
         return axes if path is None else canvas.save(axes.figure, Path(path), dpi)
 
 
-def _draw(axes: Any, lattice: Lattice) -> None:
+def _draw(axes: Axes, lattice: Lattice) -> None:
     colored = [k for k, yaw in enumerate(lattice.headings) if yaw < 0.5 * math.pi - 1e-9]
     order = [k for k in range(len(lattice.headings)) if k not in colored] + colored
     for k in order:

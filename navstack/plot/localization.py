@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -30,6 +30,8 @@ from navstack.record import (
 from navstack.scenario import Scenario
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from navstack.localization import Starts, Track
 
 _SHOWN_CLOUDS: Final = 12
@@ -44,7 +46,7 @@ def plot_track(
     grid: OccupancyGrid,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     title: str = "localization",
     dpi: float = 130.0,
 ) -> Any:
@@ -74,7 +76,7 @@ def plot_track_errors(tracks: Mapping[str, Track], path: str | os.PathLike[str],
     canvas.check_target(path, None)
     with canvas.style():
         figure = canvas.new_figure(9.2, 6.0, layout="constrained")
-        axes: Any = figure.subplots(3, 1, sharex=True)
+        axes: Sequence[Axes] = figure.subplots(3, 1, sharex=True)
         for (name, track), color in zip(tracks.items(), colors.PLANS, strict=False):
             axes[0].plot(track.indices, track.errors, color=color, lw=1.2, label=name)
             axes[1].plot(track.indices, track.explained, color=color, lw=1.2)
@@ -147,7 +149,7 @@ def animate_track(
 
 
 def _background(
-    tracks: Mapping[str, Track], grid: OccupancyGrid, title: str, ax: Any, managed: bool
+    tracks: Mapping[str, Track], grid: OccupancyGrid, title: str, ax: Axes | None, managed: bool
 ) -> tuple[Picture, Entries]:
     """Return a picture with map and reference, and the entries of its legend."""
     from matplotlib.lines import Line2D
@@ -178,12 +180,12 @@ def _background(
     return picture, entries
 
 
-def _draw_reference(axes: Any, path: NDArray[np.float64]) -> tuple[Any, str]:
+def _draw_reference(axes: Axes, path: NDArray[np.float64]) -> tuple[Any, str]:
     """Draw where the robot was; the entry of the legend."""
     return drawing.draw_line(axes, path, colors.BLACK, width=0.8, zorder=3.5, linestyle=(0, (4, 2))), "reference"
 
 
-def _draw_cloud(axes: Any, cloud: NDArray[np.float64]) -> None:
+def _draw_cloud(axes: Axes, cloud: NDArray[np.float64]) -> None:
     shown = cloud[:: max(1, len(cloud) // _ARROWS)]
     axes.plot(shown[:, 0], shown[:, 1], ".", color=_PARTICLES, ms=2.5, alpha=0.6, zorder=5.0)
 
@@ -217,7 +219,7 @@ def plot_starts(
     grid: OccupancyGrid,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     title: str = "global starts",
     dpi: float = 130.0,
 ) -> Any:
@@ -296,7 +298,7 @@ def has_estimates(record: Record) -> bool:
     return len(estimates_of(record)) > 0
 
 
-def draw_estimates(axes: Any, record: Record, entries: Entries) -> None:
+def draw_estimates(axes: Axes, record: Record, entries: Entries) -> None:
     """Draw the believed path, particles at a dozen places and ellipses at some more; nothing without a localizer."""
     table = estimates_of(record)
     if not len(table):
@@ -326,7 +328,7 @@ def _spread(count: int, most: int) -> list[int]:
 class EstimateArtists:
     """Particles, ellipse, believed path and footprint, and the beams from the believed pose, in the frames of a film."""
 
-    def __init__(self, axes: Any, record: Record) -> None:
+    def __init__(self, axes: Axes, record: Record) -> None:
         self._record = record
         self._believed = believed_poses(record)
         empty = np.empty((0, 2))
@@ -402,7 +404,7 @@ def plot_estimate(
     path: str | os.PathLike[str] | None = None,
     *,
     t: float | None = None,
-    ax: Any = None,
+    ax: Axes | None = None,
     dpi: float = 130.0,
 ) -> Any:
     """Draw a moment of a run as its localizer saw it: likelihood field, beams, particles, ellipse, believed and true pose.
@@ -441,7 +443,7 @@ def _area(record: Record, found: RecordedEstimate, true: Pose2D, believed: Pose2
     return shaped(area_of(points).grown(1.0))
 
 
-def _draw_field(axes: Any, record: Record, grid: OccupancyGrid, area: Bounds) -> Entries:
+def _draw_field(axes: Axes, record: Record, grid: OccupancyGrid, area: Bounds) -> Entries:
     """Draw the likelihood field of the map, by the parameters of the run."""
     params = Scenario.from_record(record).configuration.localization.amcl or AmclParams()
     distance = distance_field(grid, params.laser_likelihood_max_dist)
@@ -452,7 +454,7 @@ def _draw_field(axes: Any, record: Record, grid: OccupancyGrid, area: Bounds) ->
     return [(swatch(colors.LETHAL_RGB), "occupied"), (swatch(_HIT_RGB), "likelihood of a beam's end")]
 
 
-def _draw_beams(axes: Any, record: Record, grid: OccupancyGrid, t: float, believed: Pose2D) -> Entries:
+def _draw_beams(axes: Axes, record: Record, grid: OccupancyGrid, t: float, believed: Pose2D) -> Entries:
     """Draw the beams from the believed pose: those that the map explains, and the others."""
     distance = distance_field(grid, 2.0 * _EXPLAINED_M)
     g = grid.geometry
@@ -482,7 +484,7 @@ def _draw_beams(axes: Any, record: Record, grid: OccupancyGrid, t: float, believ
     return entries
 
 
-def _draw_poses(axes: Any, record: Record, found: RecordedEstimate, true: Pose2D, believed: Pose2D) -> Entries:
+def _draw_poses(axes: Axes, record: Record, found: RecordedEstimate, true: Pose2D, believed: Pose2D) -> Entries:
     """Draw particles with their headings, the ellipse, and both footprints."""
     cloud = found.particles.astype(np.float64)
     length = 0.5 * max(record.footprint.circumscribed_radius, 0.1)

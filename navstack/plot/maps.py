@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,15 @@ from navstack.plot.picture import (
 )
 from navstack.record import Record
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 def plot_map(
     grid: OccupancyGrid,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     places: Mapping[str, Pose2D] | None = None,
     title: str = "map",
     dpi: float = 130.0,
@@ -63,7 +66,7 @@ def plot_map(
         return picture.finish(path, dpi)
 
 
-def _draw_place(axes: Any, name: str, pose: Pose2D, points_per_m: float) -> None:
+def _draw_place(axes: Axes, name: str, pose: Pose2D, points_per_m: float) -> None:
     from matplotlib.patheffects import withStroke
 
     drawing.draw_heading(axes, pose, colors.BLUE, points_per_m)
@@ -90,7 +93,7 @@ def plot_costmap(
     costmap: Costmap,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     title: str | None = None,
     robot: Pose2D | None = None,
     footprint: Footprint | None = None,
@@ -170,7 +173,7 @@ def plot_costmap_at(
     time: float,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     dpi: float = 130.0,
 ) -> Any:
     """Draw the `global` or `local` costmap of a run at `time` (s), with robot, plan, goal, scans and chosen trajectory.

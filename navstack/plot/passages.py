@@ -16,6 +16,8 @@ from navstack.plot import canvas, colors, drawing
 from navstack.plot.picture import Entries, Picture, area_of, area_of_grid, cost_legend, shaped
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from navstack.explain import PassageReport, Rating, ShapePassage
 
 _ARROW_M: Final = 0.8
@@ -65,7 +67,7 @@ def plot_passage_report(
     report: PassageReport,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     name: str = "the map",
     dpi: float = 170.0,
 ) -> Any:
@@ -133,7 +135,7 @@ def _area(costmap: Costmap, bars: Sequence[_Bar]) -> Bounds:
     return area.grown(0.02 * max(g.width_m, g.height_m))
 
 
-def _draw_bars(axes: Any, bars: Sequence[_Bar], kind: _Kind, scale: float) -> Any:
+def _draw_bars(axes: Axes, bars: Sequence[_Bar], kind: _Kind, scale: float) -> Any:
     from matplotlib.lines import Line2D
 
     for bar in bars:
@@ -144,7 +146,7 @@ def _draw_bars(axes: Any, bars: Sequence[_Bar], kind: _Kind, scale: float) -> An
     return Line2D([], [], lw=2.2, ms=kind.size, **style)
 
 
-def _number(axes: Any, bars: Sequence[_Bar], points_per_m: float, scale: float) -> None:
+def _number(axes: Axes, bars: Sequence[_Bar], points_per_m: float, scale: float) -> None:
     """Draw the numbers next to their bars, each where it overlaps least with marks and other numbers."""
     from matplotlib.patheffects import withStroke
 
@@ -189,7 +191,7 @@ def _room(spot: NDArray[np.float64], points: NDArray[np.float64], half: NDArray[
     return min(1.0, float((np.abs(points - spot) / half).max(axis=1).min()))
 
 
-def _draw_openings(axes: Any, openings: Sequence[ShapePassage], footprint: Footprint) -> Entries:
+def _draw_openings(axes: Axes, openings: Sequence[ShapePassage], footprint: Footprint) -> Entries:
     """Draw footprints, wedges of headings and ways; returns the entries of the legend."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch, Wedge

@@ -6,13 +6,16 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Bounds, GridGeometry
 from navstack.plot import canvas, colors
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Entries = list[tuple[Any, str]]
 """Handles and labels of a legend."""
@@ -154,7 +157,7 @@ class Picture:
         title: str,
         subtitle: str = "",
         width_in: float = 9.2,
-        ax: Any = None,
+        ax: Axes | None = None,
         managed: bool = False,
     ) -> None:
         """`ax`: draw there instead of in a new figure. `managed`: create the figure by pyplot, which notebooks display."""
@@ -166,7 +169,7 @@ class Picture:
         self._own = ax is None
         if ax is not None:
             self.figure: Any = ax.figure
-            self.axes: Any = ax
+            self.axes: Axes = ax
             ax.set_title("\n".join(part for part in (title, subtitle.strip()) if part), fontsize=9.0)
             self._set_up_axes()
             box = ax.get_window_extent()
@@ -275,7 +278,7 @@ class Picture:
         return self.axes if path is None else canvas.save(self.figure, Path(path), dpi)
 
 
-def draw_length_bar(axes: Any, area: Bounds) -> None:
+def draw_length_bar(axes: Axes, area: Bounds) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten meters, at most a fifth of the width, below the axes on the right."""
     from matplotlib.transforms import ScaledTranslation
 

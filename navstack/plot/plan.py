@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ from navstack.plot.picture import (
 )
 from navstack.plugins import Plan
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # --- why there is no plan ---------------------------------------------------------------------------------------------
 
 
@@ -37,7 +40,7 @@ def points_of(failure: Mapping[str, Any]) -> NDArray[np.float64]:
     return np.array(found, np.float64).reshape(-1, 2)
 
 
-def draw_failure(axes: Any, failure: Mapping[str, Any], footprint: Footprint | None) -> Entries:
+def draw_failure(axes: Axes, failure: Mapping[str, Any], footprint: Footprint | None) -> Entries:
     """Draw what the data of a planning error says; returns the entries of the legend."""
     entries: Entries = []
     for i, spot in enumerate(failure.get("narrow", [])):
@@ -63,7 +66,7 @@ def _blocking(failure: Mapping[str, Any]) -> list[tuple[float, float]]:
     return [(spot["x"], spot["y"]) for spot in blocked]
 
 
-def _draw_gap(axes: Any, spot: Mapping[str, float], footprint: Footprint | None) -> Entries:
+def _draw_gap(axes: Axes, spot: Mapping[str, float], footprint: Footprint | None) -> Entries:
     """Return a bar across a gap, and the footprint in it at the heading of the gap."""
     x, y, heading = spot["x"], spot["y"], spot["heading"]
     across = 0.5 * spot["width_m"] * np.array([-math.sin(heading), math.cos(heading)])
@@ -77,7 +80,7 @@ def _draw_gap(axes: Any, spot: Mapping[str, float], footprint: Footprint | None)
     return entries
 
 
-def _draw_points(axes: Any, points: NDArray[np.float64], marker: str, color: str) -> Any:
+def _draw_points(axes: Axes, points: NDArray[np.float64], marker: str, color: str) -> Any:
     (marks,) = axes.plot(points[:, 0], points[:, 1], marker, ls="none", ms=8, color=color, mec="white", zorder=9)
     return marks
 
@@ -91,7 +94,7 @@ def plot_plan(
     plans: Plan | Mapping[str, Plan],
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     start: Pose2D,
     goal: Pose2D,
     footprint: Footprint | None = None,
@@ -142,7 +145,7 @@ def _area(
     return shaped(area.grown(margin))
 
 
-def _draw_plans(axes: Any, plans: Mapping[str, Plan], texts: Mapping[str, str]) -> Entries:
+def _draw_plans(axes: Axes, plans: Mapping[str, Plan], texts: Mapping[str, str]) -> Entries:
     entries: Entries = []
     for i, (name, plan) in enumerate(plans.items()):
         line = drawing.draw_line(
@@ -158,7 +161,7 @@ def _draw_plans(axes: Any, plans: Mapping[str, Plan], texts: Mapping[str, str]) 
     return entries
 
 
-def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | None) -> Entries:
+def _draw_sweep(axes: Axes, plans: Mapping[str, Plan], footprint: Footprint | None) -> Entries:
     """Draw the footprint along the first plan for which it was checked, and where plans change their direction."""
     plan = next((p for p in plans.values() if p.for_footprint), None)
     if plan is None or footprint is None or len(plan.path) < 2:
@@ -180,7 +183,7 @@ def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | Non
     return entries + _draw_changes(axes, [p for p in plans.values() if p.for_footprint])
 
 
-def _draw_changes(axes: Any, plans: Sequence[Plan]) -> Entries:
+def _draw_changes(axes: Axes, plans: Sequence[Plan]) -> Entries:
     """Mark the poses at which plans change between forward and backward."""
     found: list[NDArray[np.float64]] = []
     for plan in plans:
@@ -202,7 +205,7 @@ def _draw_ends(picture: Picture, start: Pose2D, goal: Pose2D, footprint: Footpri
     return [(disc_handle(colors.START), "start"), (disc_handle(colors.GOAL), "goal")]
 
 
-def _draw_moved_goal(axes: Any, plans: Mapping[str, Plan]) -> Entries:
+def _draw_moved_goal(axes: Axes, plans: Mapping[str, Plan]) -> Entries:
     """Mark the end of the first plan that does not end at the goal."""
     moved = next((plan for plan in plans.values() if plan.goal_moved_m > 0.0), None)
     if moved is None:
@@ -230,7 +233,7 @@ def _cost(plan: Plan) -> str:
     return f"{plan.cost:,.0f}" if plan.cost >= 1000.0 else f"{plan.cost:.4g}"
 
 
-def _draw_potential(axes: Any, plans: Mapping[str, Plan], costmap: Costmap, area: Bounds) -> Entries:
+def _draw_potential(axes: Axes, plans: Mapping[str, Plan], costmap: Costmap, area: Bounds) -> Entries:
     """Draw lines of equal potential inside `area`; nothing if no plan has a potential that varies there."""
     from matplotlib.lines import Line2D
 

@@ -6,7 +6,7 @@ import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,13 @@ from navstack.plot.picture import (
 )
 from navstack.record import Record
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # --- obstacles that are not on the map --------------------------------------------------------------------------------
 
 
-def draw_obstacles(axes: Any, record: Record, *, moving: bool = True) -> Entries:
+def draw_obstacles(axes: Axes, record: Record, *, moving: bool = True) -> Entries:
     """Draw the obstacles that are not on the map; moving ones (if wanted) at their last place, with their paths dotted.
 
     Returns the entries of the legend.
@@ -47,7 +50,7 @@ def draw_obstacles(axes: Any, record: Record, *, moving: bool = True) -> Entries
     return _draw_discs(axes, record)
 
 
-def _draw_discs(axes: Any, record: Record) -> Entries:
+def _draw_discs(axes: Axes, record: Record) -> Entries:
     """Draw the discs of the scenario, for records without recorded obstacles."""
     from matplotlib.patches import Circle
 
@@ -112,7 +115,7 @@ def plot_run(
     record: Record,
     path: str | os.PathLike[str] | None = None,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     costmap: str | None = "global",
     footprints: bool = True,
     replans: bool = True,
@@ -215,13 +218,13 @@ def area_of_run(record: Record) -> Bounds:
     return Bounds(-3.0, -3.0, 3.0, 3.0)
 
 
-def draw_map(axes: Any, record: Record, area: Bounds) -> None:
+def draw_map(axes: Axes, record: Record, area: Bounds) -> None:
     """Draw the map of a run, if it has one."""
     if record.map is not None:
         drawing.draw_occupancy(axes, record.map, area=area)
 
 
-def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) -> Entries:
+def draw_ground(axes: Axes, record: Record, area: Bounds, costmap: str | None) -> Entries:
     """Draw the map and the last state of a costmap over it. Return the entries of the legend."""
     draw_map(axes, record, area)
     times = record.costmap_times(costmap) if costmap else np.empty(0)
@@ -234,7 +237,7 @@ def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) ->
     return cost_legend(last.data[window.slices])
 
 
-def draw_ends(axes: Any, record: Record, points_per_m: float) -> Entries:
+def draw_ends(axes: Axes, record: Record, points_per_m: float) -> Entries:
     """Draw the start and the goals, numbered in order. Returns the entries of the legend."""
     entries: Entries = []
     marks: list[drawing.Mark] = []
@@ -272,7 +275,7 @@ def incidents(record: Record) -> list[Event]:
 # --- parts of this picture --------------------------------------------------------------------------------------------
 
 
-def draw_plans(axes: Any, record: Record, entries: Entries, *, replans: bool) -> None:
+def draw_plans(axes: Axes, record: Record, entries: Entries, *, replans: bool) -> None:
     """Draw the first plan to each goal, and the replans; adds their entries for the legend."""
     seen: set[int] = set()
     first: Any = None
@@ -292,7 +295,7 @@ def draw_plans(axes: Any, record: Record, entries: Entries, *, replans: bool) ->
         entries.append((_draw_replans(axes, later), f"replans ({len(later)})"))
 
 
-def _draw_replans(axes: Any, plans: Sequence[NDArray[np.float64]]) -> Any:
+def _draw_replans(axes: Axes, plans: Sequence[NDArray[np.float64]]) -> Any:
     """Draw at most MOST_REPLANS of the plans, the fainter the more there are. Returns a legible handle."""
     from matplotlib.lines import Line2D
 
@@ -302,7 +305,7 @@ def _draw_replans(axes: Any, plans: Sequence[NDArray[np.float64]]) -> Any:
     return Line2D([], [], color=colors.PLAN, lw=1.2, alpha=0.6)
 
 
-def _draw_footprints(axes: Any, record: Record, entries: Entries) -> None:
+def _draw_footprints(axes: Axes, record: Record, entries: Entries) -> None:
     poses = record.poses
     if not len(poses):
         return
@@ -318,7 +321,7 @@ def _draw_footprints(axes: Any, record: Record, entries: Entries) -> None:
     entries.append((handle, "footprint"))
 
 
-def _draw_incidents(axes: Any, record: Record, entries: Entries) -> None:
+def _draw_incidents(axes: Axes, record: Record, entries: Entries) -> None:
     recoveries = incidents(record)
     if recoveries and len(record.times):
         at = _positions(record, [event.time for event in recoveries])

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navstack.move_base import ROWS, Mode
 from navstack.plot import canvas, colors
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Edges = dict[tuple[Mode, Mode], list[str]]
 
@@ -23,7 +26,7 @@ _COLOR = {
     Mode.CONTROLLING: "#CBE5F7",
     Mode.CLEARING: "#F3D3E4",
 }
-_ARROWS: dict[tuple[Mode, Mode], tuple[Any, Any, Any, str]] = {
+_ARROWS: dict[tuple[Mode, Mode], tuple[Any, Any, tuple[float, float], str]] = {
     (Mode.IDLE, Mode.PLANNING): ((2.1, 5.02), (5.4, 7.1), (2.75, 6.2), "right"),
     (Mode.PLANNING, Mode.CONTROLLING): ((7.8, 7.25), (12.0, 7.25), (9.9, 7.35), "center"),
     (Mode.CONTROLLING, Mode.PLANNING): ((12.0, 6.9), (7.8, 6.9), (9.9, 6.55), "center"),
@@ -63,7 +66,7 @@ def edges() -> tuple[Edges, Edges, dict[Mode, list[str]]]:
     return own, common, loops
 
 
-def plot_states(path: str | os.PathLike[str] | None = None, *, ax: Any = None, dpi: float = 130.0) -> Any:
+def plot_states(path: str | os.PathLike[str] | None = None, *, ax: Axes | None = None, dpi: float = 130.0) -> Any:
     """Draw the state machine to a .png, .svg or .pdf, into the axes `ax`, or a new figure.
 
     Raises OutputError. Returns the file; without a path the axes.
@@ -93,11 +96,11 @@ def plot_states(path: str | os.PathLike[str] | None = None, *, ax: Any = None, d
             # the texts have the size that fits the width of a figure of its own
             shrink = min(1.0, axes.get_window_extent().width / axes.figure.dpi / _WIDTH_IN)
             for text in axes.texts:
-                text.set_fontsize(shrink * text.get_fontsize())
+                text.set_fontsize(shrink * float(text.get_fontsize()))
         return canvas.finish(axes.figure, axes, path, dpi)
 
 
-def _draw_transitions(axes: Any, own: Edges) -> None:
+def _draw_transitions(axes: Axes, own: Edges) -> None:
     """Draw the arrows between single states."""
     for pair, names in own.items():
         start, end, label, side = _ARROWS[pair]
@@ -113,7 +116,7 @@ def _draw_transitions(axes: Any, own: Edges) -> None:
         axes.text(*label, "\n".join(names), fontsize=8, ha=side, va="bottom" if side == "center" else "center")
 
 
-def _draw_common(axes: Any, common: Edges) -> None:
+def _draw_common(axes: Axes, common: Edges) -> None:
     """Draw the arrows that leave every state with an active goal."""
     _arrow(axes, (3.9, 4.6), (2.7, 4.6), "arc3,rad=0", colors.VERMILLION)
     ends = "\n".join(common[Mode.PLANNING, Mode.IDLE])
@@ -123,7 +126,7 @@ def _draw_common(axes: Any, common: Edges) -> None:
     axes.text(4.1, 5.5, "active states:\n" + again, fontsize=8, ha="left", va="top", color=colors.BLUE)
 
 
-def _frame(axes: Any) -> None:
+def _frame(axes: Axes) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     box = FancyBboxPatch(
@@ -133,7 +136,7 @@ def _frame(axes: Any) -> None:
     axes.text(15.0, 0.55, "goal active", fontsize=9, ha="right", color="#666666", style="italic")
 
 
-def _box(axes: Any, mode: Mode, loops: list[str]) -> None:
+def _box(axes: Axes, mode: Mode, loops: list[str]) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     x, y = _AT[mode]
@@ -160,7 +163,7 @@ def _box(axes: Any, mode: Mode, loops: list[str]) -> None:
     axes.text(place[0], place[1], text, fontsize=7, ha=place[2], va=place[3], color="#555555")
 
 
-def _arrow(axes: Any, start: Any, end: Any, connection: str, color: str) -> None:
+def _arrow(axes: Axes, start: Any, end: Any, connection: str, color: str) -> None:
     axes.annotate(
         "",
         xy=end,

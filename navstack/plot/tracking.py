@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.plot import canvas, colors
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _WIDTH, _HEIGHT = 11.0, 5.6
 """Size of the figure, inches."""
@@ -53,7 +56,7 @@ def _axes(figure: Any, left: float, bottom: float, width: float, height: float) 
     return axes
 
 
-def _draw_curve(axes: Any, reference: Curve, poses: Curve) -> None:
+def _draw_curve(axes: Axes, reference: Curve, poses: Curve) -> None:
     axes.plot(*reference[:, :2].T, color=colors.PLAN, lw=3.4, alpha=0.75, label="trajectory")
     axes.plot(*poses[:, :2].T, color=colors.DRIVEN, lw=1.3, label="driven path")
     axes.plot(*poses[0, :2], "o", color=colors.START, ms=7, label="start")
@@ -63,7 +66,7 @@ def _draw_curve(axes: Any, reference: Curve, poses: Curve) -> None:
     axes.legend(loc="best", frameon=True, framealpha=0.85, edgecolor="none")
 
 
-def _draw_errors(axes: Any, t: Curve, errors: tuple[Curve, Curve, Curve]) -> None:
+def _draw_errors(axes: Axes, t: Curve, errors: tuple[Curve, Curve, Curve]) -> None:
     along, across, heading = errors
     axes.plot(t, 100.0 * along, color=colors.BLUE, lw=1.3, label="along (cm)")
     axes.plot(t, 100.0 * across, color=colors.VERMILLION, lw=1.3, label="across (cm)")
@@ -77,7 +80,7 @@ def _draw_errors(axes: Any, t: Curve, errors: tuple[Curve, Curve, Curve]) -> Non
     axes.legend(loc="upper right", ncols=3, frameon=True, framealpha=0.85, edgecolor="none")
 
 
-def _draw_speeds(axes: Any, t: Curve, speeds: tuple[Curve, Curve]) -> None:
+def _draw_speeds(axes: Axes, t: Curve, speeds: tuple[Curve, Curve]) -> None:
     axes.plot(t, speeds[0], color=colors.PLAN, lw=3.0, alpha=0.75, label="trajectory")
     axes.plot(t, speeds[1], color=colors.DRIVEN, lw=1.2, label="robot")
     axes.set_xlim(0.0, max(float(t[-1]), 1e-3))
