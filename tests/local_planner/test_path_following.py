@@ -17,7 +17,7 @@ from navstack.local_planner.goal_checkers import (
     SimpleGoalChecker,
     StoppedGoalChecker,
 )
-from navstack.local_planner.path_handlers import FeasiblePathHandler
+from navstack.local_planner.path_handlers import FeasiblePathHandler, path_cuts
 from navstack.local_planner.progress_checkers import PoseProgressChecker, SimpleProgressChecker
 from navstack.parameters import check_parameters, load_configuration
 from navstack.plugins import Approach
@@ -183,6 +183,18 @@ def test_the_path_ends_at_the_first_pose_outside_the_window() -> None:
     plan = line((0.0, 0.0), (2.5, 0.0), (2.5, 0.5), (0.0, 0.5))
     path = handler(plan, prune_distance=9.0).local_path(Pose2D(0.0, 0.0), Transform2D(), WINDOW)
     assert path.poses[-1, 0] == pytest.approx(1.9) and not path.ends_at_goal
+
+
+@pytest.mark.parametrize("direction", [0.0, 0.7, 1.5, 3.0, -2.0])
+@pytest.mark.parametrize("change", [0.3, 1.4, 1.7, 2.5, 3.1, -1.5, -1.7])
+def test_a_cusp_is_a_change_of_direction_by_more_than_a_right_angle(direction: float, change: float) -> None:
+    ends = [(1.0 * math.cos(direction), 1.0 * math.sin(direction))]
+    back = direction + change
+    ends.append((ends[0][0] + 0.3 * math.cos(back), ends[0][1] + 0.3 * math.sin(back)))
+    plan = np.zeros((3, 4))
+    plan[1:, :2] = ends
+    out = np.empty(3, np.int64)
+    assert path_cuts(plan, True, 10.0, out) == int(abs(change) > 0.5 * math.pi)
 
 
 def test_a_path_is_cut_at_its_cusp() -> None:
