@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from navstack.core.angles import angle_between as angle_between
     from navstack.core.angles import normalize_angle as normalize_angle
+    from navstack.core.angles import normalize_angles as normalize_angles
     from navstack.core.bounded_archive import expanded_size as expanded_size
     from navstack.core.bounded_archive import read_array as read_array
     from navstack.core.bounded_archive import read_arrays as read_arrays

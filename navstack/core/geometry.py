@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.angles import normalize_angle
+from navstack.core.angles import normalize_angle, normalize_angles
 
 
 class Pose2D(NamedTuple):
@@ -70,8 +70,7 @@ class Transform2D(NamedTuple):
         """Transform poses (n, 3) = x, y, yaw from B to A; return a new array with yaw in (-pi, pi]."""
         out = np.empty((len(poses), 3))
         out[:, :2] = self.apply_points(poses[:, :2])
-        yaw = poses[:, 2] + self.yaw
-        out[:, 2] = -((-yaw + np.pi) % (2.0 * np.pi) - np.pi)
+        out[:, 2] = normalize_angles(poses[:, 2] + self.yaw)
         return out
 
     def inverse(self) -> Transform2D:

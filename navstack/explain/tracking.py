@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.behaviors import InvalidTrajectoryError, Trajectory, demands_of
-from navstack.core import Event, InputError, RecordError, Transform2D
+from navstack.core import Event, InputError, RecordError, Transform2D, normalize_angles
 from navstack.record import Record, believed_poses
 
 
@@ -164,7 +163,7 @@ def _report(record: Record, start: Event, clock: float, end: float) -> TrackingR
         poses=poses,
         along=c * dx + s * dy,
         across=c * dy - s * dx,
-        heading=_wrapped(poses[:, 2] - reference[:, 2]),
+        heading=normalize_angles(poses[:, 2] - reference[:, 2]),
         believed=_believed(record, rows, local, frame),
         speed=np.hypot(*record.velocities[rows, :2].T),
         reference_speed=np.interp(t, demands_of(trajectory).t, demands_of(trajectory).speed),
@@ -175,7 +174,3 @@ def _believed(record: Record, rows: slice, reference: NDArray[np.float64], frame
     """Return (n,) distances from the reference as the robot knew them (m)."""
     at = (record.odom_poses if frame == record.local_frame else believed_poses(record))[rows]
     return np.hypot(at[:, 0] - reference[:, 0], at[:, 1] - reference[:, 1])
-
-
-def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.remainder(angles + math.pi, 2.0 * math.pi) - math.pi

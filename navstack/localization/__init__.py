@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from navstack.localization.global_search import scan_beams as scan_beams
     from navstack.localization.methods import Method as Method
     from navstack.localization.metrics import PoseErrors as PoseErrors
-    from navstack.localization.metrics import wrapped as wrapped
     from navstack.localization.scan_matcher import ScanMatcher as ScanMatcher
 else:
     from navstack._lazy import lazy_face

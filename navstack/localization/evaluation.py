@@ -14,7 +14,17 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import InputError, Interval, LaserScan, LogError, Pose2D, Transform2D, angle_between, share
+from navstack.core import (
+    InputError,
+    Interval,
+    LaserScan,
+    LogError,
+    Pose2D,
+    Transform2D,
+    angle_between,
+    normalize_angles,
+    share,
+)
 from navstack.localization.metrics import (
     PoseErrors,
     Poses,
@@ -22,7 +32,6 @@ from navstack.localization.metrics import (
     pairs_by_distance,
     relation_errors,
     relative_errors,
-    wrapped,
 )
 from navstack.plugins import Localizer, PoseEstimate
 
@@ -449,7 +458,7 @@ def poses_at(times: NDArray[np.float64], stamps: NDArray[np.float64], poses: Pos
     yaw = np.interp(times, stamps, np.unwrap(poses[:, 2]))
     after = np.clip(np.searchsorted(stamps, times), 0, len(stamps) - 1)
     near = np.minimum(np.abs(times - stamps[np.maximum(after - 1, 0)]), np.abs(times - stamps[after]))
-    return np.column_stack((*columns, wrapped(yaw))), near <= EXACT_S
+    return np.column_stack((*columns, normalize_angles(yaw))), near <= EXACT_S
 
 
 def _mean_and_std(values: NDArray[np.float64]) -> tuple[float, float]:

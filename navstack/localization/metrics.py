@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core import normalize_angles
+
 Poses = NDArray[np.float64]
 
 
@@ -95,13 +97,8 @@ def between(first: Poses, second: Poses) -> Poses:
     """Return the poses (n, 3) of `second` relative to `first`, row by row."""
     c, s = np.cos(first[:, 2]), np.sin(first[:, 2])
     dx, dy = second[:, 0] - first[:, 0], second[:, 1] - first[:, 1]
-    return np.column_stack((c * dx + s * dy, c * dy - s * dx, wrapped(second[:, 2] - first[:, 2])))
-
-
-def wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return angles (rad) in (-pi, pi]."""
-    return -(np.remainder(-angles + np.pi, 2.0 * np.pi) - np.pi)
+    return np.column_stack((c * dx + s * dy, c * dy - s * dx, normalize_angles(second[:, 2] - first[:, 2])))
 
 
 def _errors(position: NDArray[np.float64], heading: NDArray[np.float64]) -> PoseErrors:
-    return PoseErrors(ErrorStatistics.of(position), ErrorStatistics.of(np.abs(wrapped(heading))))
+    return PoseErrors(ErrorStatistics.of(position), ErrorStatistics.of(np.abs(normalize_angles(heading))))

@@ -19,8 +19,18 @@ from typing import BinaryIO, Final, cast
 
 import numpy as np
 
-from navstack.core import LaserScan, LogError, Pose2D, Transform2D, normalize_angle, open_regular, shortened, size_text
-from navstack.localization import LoggedScan, Relations, wrapped
+from navstack.core import (
+    LaserScan,
+    LogError,
+    Pose2D,
+    Transform2D,
+    normalize_angle,
+    normalize_angles,
+    open_regular,
+    shortened,
+    size_text,
+)
+from navstack.localization import LoggedScan, Relations
 from navstack.logs.scan_log import ScanLog, ScanLogOptions
 
 # --- bounded reading of text logs line by line, plain or compressed with gzip -----------------------------------------
@@ -108,7 +118,7 @@ def read_relations(path: Path) -> Relations:
     if not rows:
         raise LogError(f"{path} has no relation; a line is stamp1 stamp2 x y z roll pitch yaw", file=str(path))
     table = np.array(rows)
-    return Relations(table[:, 0], table[:, 1], np.column_stack((table[:, 2:4], wrapped(table[:, 7]))))
+    return Relations(table[:, 0], table[:, 1], np.column_stack((table[:, 2:4], normalize_angles(table[:, 7]))))
 
 
 NO_RETURN: Final = 50.0

@@ -7,14 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Transform2D
+from navstack.core import Transform2D, normalize_angles
 from navstack.localization.metrics import (
     ErrorStatistics,
     absolute_errors,
     between,
     pairs_by_distance,
     relative_errors,
-    wrapped,
 )
 
 
@@ -60,7 +59,7 @@ def test_pairs_by_distance() -> None:
     assert second.tolist() == [2, 3, 4, 5]
 
 
-def test_wrapped() -> None:
-    assert wrapped(np.array([math.pi, -math.pi, 3.0 * math.pi, 0.1 - 2.0 * math.pi])).tolist() == pytest.approx(
-        [math.pi, math.pi, math.pi, 0.1]
-    )
+def test_normalize_angles() -> None:
+    assert normalize_angles(
+        np.array([math.pi, -math.pi, 3.0 * math.pi, 0.1 - 2.0 * math.pi])
+    ).tolist() == pytest.approx([math.pi, math.pi, math.pi, 0.1])

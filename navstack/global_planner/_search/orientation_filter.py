@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import angle_between, normalize_angle
+from navstack.core import angle_between, normalize_angle, normalize_angles
 
 _MAX_TURN = 0.35
 """The last stretch with less than this turn per point (rad) is interpolated (FORWARD_THEN_INTERPOLATE)."""
@@ -69,7 +69,7 @@ def orient(poses: NDArray[np.float64], start_yaw: float, mode: OrientationMode, 
     index = np.arange(n - 1)
     before, after = np.maximum(index - window, 0), np.minimum(index + window, n - 1)
     step = poses[after, :2] - poses[before, :2]
-    poses[:-1, 2] = _wrapped(np.arctan2(step[:, 1], step[:, 0]) + _OFFSETS[mode])
+    poses[:-1, 2] = normalize_angles(np.arctan2(step[:, 1], step[:, 0]) + _OFFSETS[mode])
     if mode == OrientationMode.FORWARD_THEN_INTERPOLATE:
         i = max(n - 3, 0)
         last = float(poses[i, 2])
@@ -84,9 +84,5 @@ def _interpolate(poses: NDArray[np.float64], first: int) -> None:
     count = len(poses) - 1 - first
     if count > 0:
         turned = np.arange(count, dtype=np.float64) * (angle_between(begin, end) / count)
-        poses[first:-1, 2] = _wrapped(begin + turned)
+        poses[first:-1, 2] = normalize_angles(begin + turned)
         poses[-1, 2] = normalize_angle(end)
-
-
-def _wrapped(yaw: NDArray[np.float64]) -> NDArray[np.float64]:
-    return -((-yaw + np.pi) % (2.0 * np.pi) - np.pi)
