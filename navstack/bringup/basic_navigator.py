@@ -50,10 +50,10 @@ from navstack.move_base import (
     Progress,
     Schedule,
     SpeedLimiter,
-    StaleSensorsError,
     call,
     checked_local_plan,
     checked_pose,
+    stale_sensors,
 )
 from navstack.parameters import Configuration
 from navstack.plugins import (
@@ -686,7 +686,7 @@ class BasicNavigator(NavigatorServices):
         self._runner.advance(now)
         try:
             if not call(costmap, costmap.is_current, now, check=bool):
-                raise StaleSensorsError(f"a sensor of {costmap.name} is stale: the robot must not move")
+                raise stale_sensors(costmap, "is stale, so the robot must not move")
         except NavError as exc:
             self._end_behavior(TaskResult.FAILED, exc)
             return

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from navstack.core.costs import UNKNOWN as UNKNOWN
     from navstack.core.costs import describe_cost as describe_cost
     from navstack.core.data_files import data_folder as data_folder
+    from navstack.core.errors import BlindSensorError as BlindSensorError
     from navstack.core.errors import CollisionAheadError as CollisionAheadError
     from navstack.core.errors import ControlError as ControlError
     from navstack.core.errors import FrameError as FrameError

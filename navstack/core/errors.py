@@ -139,6 +139,16 @@ class FrameError(NavError):
     name = "TF_ERROR"
 
 
+# --- sensors ----------------------------------------------------------------------------------------------------------
+
+
+class BlindSensorError(NavError):
+    """The messages of a sensor arrive, but hold nothing that could show an obstacle."""
+
+    code = 9026
+    name = "SENSOR_BLIND"
+
+
 # --- planning ---------------------------------------------------------------------------------------------------------
 
 

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import (
+    BlindSensorError,
     DeferredScan,
     FrameError,
     FrameTree,
     InputError,
     LaserScan,
+    NavError,
     PointCloud,
     SensorData,
     Transform2D,
@@ -135,6 +137,13 @@ class ObservationSourceParams(ParamModel):
     expected_update_rate: float = param(
         0.0, "longest time between two messages (a period, despite its name); 0 = no limit", unit="s", ge=0.0
     )
+    min_valid_share: float = param(
+        0.1,
+        "share of a message's beams or points that must be valid; a message with fewer does not count for "
+        "expected_update_rate; 0 = every message counts; not a parameter of ROS",
+        ge=0.0,
+        le=1.0,
+    )
     data_type: Literal["PointCloud", "PointCloud2", "LaserScan"] = param("PointCloud", "type of the messages")
     min_obstacle_height: float = param(0.0, "points below are ignored", unit="m")
     max_obstacle_height: float = param(2.0, "points above are ignored", unit="m")
@@ -182,8 +191,8 @@ class ObservationBuffer:
         """Stamp (s) of the newest message received."""
         self.dropped = 0
         """Number of messages dropped because their transform did not arrive in time."""
-        self.problem: FrameError | None = None
-        """Why none of the waiting messages could be used in the last update; None if one was used."""
+        self.problem: NavError | None = None
+        """Why none of the waiting messages could be used in the last update, or the newest is blind; None without a problem."""
         self._frames = frames
         self._tolerance_s = tolerance_s
         self._is_scan = params.data_type == "LaserScan"
@@ -192,6 +201,8 @@ class ObservationBuffer:
         self._timeout = SensorTimeout()
         self._error: FrameError | None = None
         """Error of the last transform."""
+        self._blind: BlindSensorError | None = None
+        """Why the last message that was converted shows nothing; None if it shows something."""
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
         self._project_scan = project_scan.compiled()
@@ -200,8 +211,8 @@ class ObservationBuffer:
 
     LIVE: ClassVar[frozenset[str]] = frozenset(
         {
-            *("expected_update_rate", "min_obstacle_height", "max_obstacle_height", "inf_is_valid"),
-            *("obstacle_range", "raytrace_range"),
+            *("expected_update_rate", "min_valid_share", "inf_is_valid", "obstacle_range", "raytrace_range"),
+            *("min_obstacle_height", "max_obstacle_height"),
         }
     )
     """Parameters that may change at run time."""
@@ -258,7 +269,9 @@ class ObservationBuffer:
                         fresh.append(observation)
                         self.observations = [observation]
                         for _ in range(at + 1):
-                            pending.popleft()
+                            older = pending.popleft()
+                            if self._blind is not None:  # the newest message does not count, an older one may
+                                self._count_if_usable(older)
                         break
             else:
                 waiting: deque[LaserScan | PointCloud] = deque()
@@ -270,7 +283,7 @@ class ObservationBuffer:
                         fresh.append(observation)
                         self.observations.insert(0, observation)
                 self._pending = waiting
-            self.problem = None if fresh or not self._pending else self._problem()
+            self.problem = self._blind if fresh else self._problem() if self._pending else None
         if not self._keep_one and self.last_stamp is not None and self.observations:
             oldest = self.last_stamp - self.params.observation_persistence
             # as in ROS, the age counts from the newest message, not from the present
@@ -278,15 +291,15 @@ class ObservationBuffer:
         return fresh
 
     def is_current(self, now: float) -> bool:
-        """Return False if no message with a known transform was received within expected_update_rate (s).
+        """Return False if no valid message with a known transform was received within expected_update_rate (s).
 
         As in costmap_2d, a message that cannot be transformed does not count. Messages that wait for the next update do.
         """
+        # ROS differs: there, a message without a valid beam counts, and the robot drives blind
         allowed = self.params.expected_update_rate
         if allowed > 0.0:
             for data in reversed(self._pending):
-                if self._transforms(data) is not None:
-                    self._timeout.received(data.stamp)
+                if self._count_if_usable(data):
                     break
         return self._timeout.is_within(allowed, now)
 
@@ -305,6 +318,40 @@ class ObservationBuffer:
             return None
         return at, origin
 
+    def _count_if_usable(self, data: LaserScan | PointCloud) -> bool:
+        """Restart the sensor's timeout if a message can be transformed and shows something; return True if so."""
+        if self._transforms(data) is None or self._blindness(data) is not None:
+            return False
+        self._timeout.received(data.stamp)
+        return True
+
+    def _blindness(self, data: LaserScan | PointCloud) -> BlindSensorError | None:
+        """Return why too few beams or points of a message are valid; None if there are enough."""
+        params = self.params
+        if params.min_valid_share == 0.0:
+            return None
+        if isinstance(data, LaserScan):
+            what, rule = "beams", f"from range_min = {data.range_min:g} m on, +inf included"
+            ranges = _ranges_of(data)
+            total, valid = len(ranges), int(np.count_nonzero((ranges >= data.range_min) & (ranges > 0.0)))
+            if not data.range_max > max(data.range_min, 0.0):
+                rule, valid = f"range_max = {data.range_max:g} m is not above range_min = {data.range_min:g} m", 0
+        else:
+            what, rule = "points", "finite, and not the sensor itself"
+            total, valid = len(data.points), _valid_points(data.points)
+            if total == 0 and not params.clearing:
+                return None  # a list of obstacles, and there is none
+        if valid >= max(params.min_valid_share * total, 1.0):
+            return None
+        text = (
+            f'{valid} of {total} {what} of "{self.topic}" are valid ({rule}), less than min_valid_share = '
+            f"{params.min_valid_share:g}: something covers the sensor, or it is faulty. Obstacles that only this sensor sees "
+            "are unknown; check the sensor"
+        )
+        if params.expected_update_rate == 0.0:
+            text += ", or set expected_update_rate (s), so that the robot stops when it is blind"
+        return BlindSensorError(text, topic=self.topic, source=self.name, valid=valid, total=total)
+
     def _problem(self) -> FrameError:
         """Return the error of messages none of which can be transformed."""
         return untransformed(self.topic, self._pending[-1].frame, self.frame, self._error, self._frames)
@@ -314,7 +361,9 @@ class ObservationBuffer:
         if transforms is None:
             return None
         at, origin = transforms
-        self._timeout.received(data.stamp)
+        self._blind = self._blindness(data)
+        if self._blind is None:
+            self._timeout.received(data.stamp)
         if isinstance(data, LaserScan):
             points, count = self._scan_points(data, at)
             height = data.height
@@ -326,9 +375,7 @@ class ObservationBuffer:
         return observation
 
     def _scan_points(self, scan: LaserScan, at: Transform2D) -> tuple[NDArray[np.float32], int]:
-        ranges = scan.ranges
-        if isinstance(scan, DeferredScan):
-            _check_ranges(ranges, scan.topic)
+        ranges = _ranges_of(scan)
         n = len(ranges)
         if scan.height != self._height:
             self._height, z = scan.height, float(np.float32(scan.height))
@@ -382,6 +429,13 @@ def beam_directions(angle_min: float, angle_increment: float, count: int) -> NDA
     return np.column_stack(([math.cos(angle) for angle in finite], [math.sin(angle) for angle in finite]))
 
 
+def _valid_points(points: NDArray[np.float32]) -> int:
+    """Return the number of finite points away from the origin of their frame, where a faulty camera puts all of them."""
+    x, y, z = points.T
+    away = np.maximum(np.abs(x), np.abs(y))
+    return int(np.count_nonzero((away > 0.0) & (away < np.inf) & np.isfinite(z)))
+
+
 def untransformed(topic: str, source: str, target: str, cause: FrameError | None, frames: FrameTree) -> FrameError:
     """Return the error of a sensor whose messages in the frame `source` cannot be transformed to the costmap's frame."""
     known = frames.frames()
@@ -394,6 +448,14 @@ def untransformed(topic: str, source: str, target: str, cause: FrameError | None
         **{**(cause.data if cause is not None else {}), "topic": topic, "source": source, "target": target},
         known_frames=known,
     )
+
+
+def _ranges_of(scan: LaserScan) -> NDArray[np.float32]:
+    """Return the ranges (n,). Raises InputError for those of a `DeferredScan`, which are not checked when it arrives."""
+    ranges = scan.ranges
+    if isinstance(scan, DeferredScan):
+        _check_ranges(ranges, scan.topic)
+    return ranges
 
 
 def _check_ranges(ranges: NDArray[np.float32], topic: str) -> None:

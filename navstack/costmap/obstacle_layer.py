@@ -578,11 +578,11 @@ class ObstacleLayer(Layer):
         )
 
     def is_current(self, now: float) -> bool:
-        """Return False if a source has not received a message within its expected_update_rate."""
+        """Return False if a source has not received a valid message within its expected_update_rate."""
         return all(buffer.is_current(now) for buffer in self.buffers)
 
     def problems(self) -> Sequence[NavError]:
-        """Return one error per source whose messages cannot be transformed."""
+        """Return one error per source whose messages cannot be transformed, or show nothing."""
         return [buffer.problem for buffer in self.buffers if buffer.problem is not None]
 
     @property

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from navstack.core import (
     LETHAL,
     UNKNOWN,
+    BlindSensorError,
     Bounds,
     Costmap,
     FrameError,
@@ -73,7 +74,7 @@ class RangeSensorLayer(Layer):
         self.geometry = GridGeometry(1, 1, 1.0)
         self._pending: deque[RangeReading] = deque(maxlen=PENDING)
         self._timeout = SensorTimeout()
-        self._problems: dict[str, FrameError] = {}
+        self._problems: dict[str, NavError] = {}
         self._extra = Bounds()
 
     def match_size(self, geometry: GridGeometry) -> None:
@@ -116,8 +117,12 @@ class RangeSensorLayer(Layer):
                     reading.topic, reading.frame, self.context.frame, exc, frames
                 )
                 continue
-            self._timeout.received(reading.stamp)
-            self._problems.pop(reading.topic, None)
+            blind = _blindness(reading, self.params.no_readings_timeout)
+            if blind is None:
+                self._timeout.received(reading.stamp)
+                self._problems.pop(reading.topic, None)
+            else:
+                self._problems[reading.topic] = blind
             bounds = bounds.union(self._apply(reading, at))
         self._pending.clear()
         self._pending.extend(waiting)
@@ -139,7 +144,7 @@ class RangeSensorLayer(Layer):
         return cleared
 
     def is_current(self, now: float) -> bool:
-        """Return False if no reading with a known transform was received within no_readings_timeout."""
+        """Return False if no valid reading with a known transform was received within no_readings_timeout."""
         allowed = self.params.no_readings_timeout
         if allowed > 0.0:
             for reading in reversed(self._pending):
@@ -147,12 +152,14 @@ class RangeSensorLayer(Layer):
                     self._lookup(reading)
                 except FrameError:
                     continue  # `problems` reports it after the next update
+                if _blindness(reading, allowed) is not None:
+                    continue
                 self._timeout.received(reading.stamp)
                 break
         return self._timeout.is_within(allowed, now)
 
     def problems(self) -> Sequence[NavError]:
-        """Return one error per topic whose readings cannot be transformed."""
+        """Return one error per topic whose readings cannot be transformed, or are below the sensor's range."""
         return tuple(self._problems.values())
 
     @property
@@ -240,3 +247,20 @@ class RangeSensorLayer(Layer):
             ],
             0.5,
         )
+
+
+def _blindness(reading: RangeReading, timeout_s: float) -> BlindSensorError | None:
+    """Return why a reading shows nothing: it is below the sensor's range; None if it shows something.
+
+    A sensor with equal limits reports detections only: any reading below its range is one (REP 117).
+    """
+    lowest = reading.min_range
+    if (reading.range_m > 0.0 and reading.range_m >= lowest) or lowest == reading.max_range:
+        return None
+    text = (
+        f'a reading of "{reading.topic}" is no distance from its min_range = {lowest:g} m on, but {reading.range_m:g} m: '
+        "something covers the sensor, or it is faulty. Obstacles that only this sensor sees are unknown; check the sensor"
+    )
+    if timeout_s == 0.0:
+        text += ", or set no_readings_timeout (s), so that the robot stops when it is blind"
+    return BlindSensorError(text, topic=reading.topic, source=reading.topic, range_m=reading.range_m)

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from navstack.move_base.active_goal import Feedback as Feedback
     from navstack.move_base.checks import OscillationChecker as OscillationChecker
     from navstack.move_base.checks import Progress as Progress
+    from navstack.move_base.checks import stale_sensors as stale_sensors
     from navstack.move_base.control import SpeedLimiter as SpeedLimiter
     from navstack.move_base.errors import BusyError as BusyError
     from navstack.move_base.errors import GoalCanceledError as GoalCanceledError

@@ -235,16 +235,23 @@ class StaleSensorCheck:
         return None
 
     def _timeout(self, goal: ActiveGoal, patience_s: float) -> NavError:
-        costmap = self._costmap
-        problems = call(costmap, costmap.problems)
-        reasons = "; ".join(problem.message for problem in problems) or "check the sensor and its topic"
-        return StaleSensorsError(
-            f"a sensor of {costmap.name} has been stale (no usable data within its expected_update_rate) for "
-            f"controller_patience ({patience_s:g} s); {reasons}",
-            costmap=costmap.name,
-            since=goal.stale_since,
-            problems=[problem.as_dict() for problem in problems],
-        )
+        what = f"has been stale (no usable data within its expected_update_rate) for controller_patience ({patience_s:g} s)"
+        return stale_sensors(self._costmap, what, goal.stale_since)
+
+
+def stale_sensors(costmap: CostmapServer, what: str, since: float | None = None) -> StaleSensorsError:
+    """Return the error of a costmap a sensor of which `what` since the time `since` (s), with what the costmap reports."""
+    try:
+        problems = call(costmap, costmap.problems, check=tuple[NavError, ...])
+    except NavError as exc:
+        problems = (exc,)
+    reasons = "; ".join(problem.message for problem in problems) or "check the sensor and its topic"
+    return StaleSensorsError(
+        f"a sensor of {costmap.name} {what}; {reasons}",
+        costmap=costmap.name,
+        since=since,
+        problems=[problem.as_dict() for problem in problems],
+    )
 
 
 # --- lost -------------------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from navstack.behaviors import BehaviorRunner
 from navstack.core import InputError, NavError, Path, Pose2D, Transform2D, Twist2D
+from navstack.move_base.checks import stale_sensors
 from navstack.move_base.control import ControlInputs
 from navstack.move_base.costmaps import CostmapUpdater, transform_tolerance
 from navstack.move_base.errors import BusyError, GoalCanceledError, StaleSensorsError
@@ -197,12 +198,11 @@ class MotionRunner:
             self._stale_since = now
             self._events.warn(now, f"{costmap.name} is not current: the motion waits", cause)
         if now - self._stale_since >= patience - EPSILON_S:
-            raise StaleSensorsError(
-                f"{costmap.name} has not been current for controller_patience ({patience:g} s)"
-                + (f": {cause.message}" if cause is not None else "; check its sensors and their topics"),
-                costmap=costmap.name,
-                since=self._stale_since,
-            )
+            what = f"has been stale for controller_patience ({patience:g} s)"
+            if cause is not None:
+                text = f"{costmap.name} {what}: {cause.message}"
+                raise StaleSensorsError(text, costmap=costmap.name, since=self._stale_since)
+            raise stale_sensors(costmap, what, self._stale_since)
         self._output.stop_if_moving(now, SOURCE)
         return True
 

@@ -95,10 +95,6 @@ class RosRobot:
         stamp = self.clock.of(message.header.stamp)
         self._check_stamp(stamp, f"a scan on {topic}")
         scan = ros.scan_of(message, topic, stamp, height=mounting.height, upside_down=upside_down)
-        # such a scan marks and clears nothing, but in ROS it counts as received (parity)
-        if len(scan.ranges) > 0 and np.isnan(scan.ranges).all():
-            self._problem(LogError(f"a scan on {topic} is ignored: all its ranges are NaN", topic=topic))
-            return
         self._add(scan, topic)
 
     def receive_cloud(self, message: Any, topic: str) -> None:

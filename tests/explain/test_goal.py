@@ -287,3 +287,11 @@ def test_a_kidnapped_robot_finds_itself_and_the_timeline_says_so() -> None:
     (recovery,) = report.recoveries
     assert (recovery.name, recovery.trigger) == ("localize", "LOST_R")
     assert [line for line in of(report, "info") if "is localized again" in line.text]
+
+
+def test_a_goal_names_the_sensor_that_went_blind() -> None:
+    rates = [f"{name}/obstacle_layer/scan/expected_update_rate=0.5" for name in ("local_costmap", "global_costmap")]
+    record = driven(impatient(*rates, "controller_patience=2.0", "navstack/sim/laser/dropout=0.98"))
+    report = explain_goal(record, 1)
+    assert 'of "scan" are valid' in of(report, "warning")[0].text
+    assert 'of "scan" are valid' in of(report, "end")[0].text
