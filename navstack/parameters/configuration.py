@@ -243,6 +243,7 @@ class Loader:
         self.root = read.root
         self.findings = read.findings
         self.files = read.files
+        self.overrides = frozenset(read.overrides)
         self.complete = not any(f.severity == "error" for f in read.findings)
         """False if a source could not be read: rules about missing parameters would mislead."""
         self.not_in_use: list[Space] = []
@@ -290,7 +291,7 @@ class Loader:
             if self.complete:
                 self.findings += check_rules(configuration)
         sections = tuple(f"{space.path}/" for space in self.not_in_use)
-        unused = unused_parameters(self.root, self.binder)
+        unused = unused_parameters(self.root, self.binder, self.overrides)
         self.findings += [f for f in unused if f.severity != "info" or not f.key.startswith(sections)]
         return configuration
 
@@ -328,6 +329,7 @@ class Loader:
         # the footprint's own finding replaces the less specific ones of the model
         reported = {f.key for f in self.findings[before:] if f.rule == "footprint"}
         self.findings[:] = [f for f in self.findings if f.rule == "footprint" or f.key not in reported]
+        self._check_radius(space, footprint)
         layers = self._layers(space, listed)
         if listed is None:  # without the list it is unknown what the layers read
             for leaf in space.leaves():
@@ -335,6 +337,18 @@ class Loader:
         if params is None or footprint is None or layers is None:
             return None
         return CostmapConfiguration(params, footprint.padded, footprint.true, layers)
+
+    def _check_radius(self, space: Space, footprint: LoadedFootprint | None) -> None:
+        """Report an override of the radius of a robot whose footprint takes precedence."""
+        radius = space.search("robot_radius")
+        polygon = footprint.origin if footprint is not None else None
+        if radius is None or radius.at.file not in self.overrides or polygon is None or polygon.name != "footprint":
+            return
+        message = (
+            f"{radius.path} = {show(radius.value)} sets nothing: footprint ({polygon.at}) takes precedence; override "
+            f"{polygon.path}, or empty it: {polygon.path}=[]"
+        )
+        self.findings.append(finding("error", "override", radius.at, radius.path, message))
 
     def _layers(self, space: Space, listed: list[ListedPlugin] | None) -> tuple[Plugin[Layer], ...] | None:
         layers: list[Plugin[Layer]] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -125,9 +125,30 @@ _FAR = 2
 """Distance between namespaces from which on another place is an unlikely guess."""
 
 
-def unused_parameters(root: Space, binder: Binder) -> list[Finding]:
-    """Return the findings about everything in the tree that nothing read."""
-    return _UnusedCheck(root, binder).run()
+MAX_NAMES = 6
+"""Full names that a message about an override lists."""
+
+
+def unused_parameters(root: Space, binder: Binder, overrides: Collection[str] = ()) -> list[Finding]:
+    """Return the findings about everything in the tree that nothing read.
+
+    A value that one of the `overrides` (their names as locations) sets and that nothing reads is an error: what the user asked
+    for does not happen.
+    """
+    check = _UnusedCheck(root, binder)
+    found = check.run()
+    unread = [leaf for leaf in root.leaves() if leaf.at.file in overrides and not leaf.used]
+    # a section that another choice of planner reads, and a name that is kept for old files, are no errors
+    explained = {f.key for f in found if f.severity == "info" and not check.is_foreign(f.key)}
+    errors = [check.unread_override(leaf) for leaf in unread if not _names_within(leaf.path, explained)]
+    wrong = {f.key for f in errors}
+    return [f for f in found if f.file not in overrides or (f.severity == "info" and f.key not in wrong)] + errors
+
+
+def _names_within(path: str, names: Collection[str]) -> bool:
+    """True if a path or a namespace above it is among the names."""
+    parts = path.split("/")
+    return any("/".join(parts[:end]) in names for end in range(1, len(parts) + 1))
 
 
 def _source(leaf: Leaf) -> Location | int:
@@ -159,6 +180,44 @@ class _UnusedCheck:
     def run(self) -> list[Finding]:
         self._visit(self.root)
         return self.findings
+
+    def is_foreign(self, namespace: str) -> bool:
+        """Return True for the namespace of a planner that navstack does not have."""
+        return namespace in FOREIGN_PLANNERS and namespace not in self.catalog.planners
+
+    def unread_override(self, leaf: Leaf) -> Finding:
+        """Return the error about an override that nothing reads, with the full names that exist."""
+        names = {
+            f"{space.path}/{name}".lstrip("/"): None
+            for space, model in self._binder.bound
+            for name in model.model_fields
+            if name != model.CHILD_FIELD and name not in model.FROM_NAVSTACK and is_value(model, name)
+        }
+        *above, last = leaf.path.split("/")
+        meant = [n for n in names if n.rpartition("/")[2] == last]
+        if not meant:
+            close = nearest(last, {n.rpartition("/")[2] for n in names})
+            meant = [n for n in names if (end := n.rpartition("/")[2]) == close or end.startswith(f"{last}_")]
+        # those in the namespaces that are written, if there are such
+        for part in above:
+            near = nearest(part, {p for n in meant for p in n.split("/")[:-1]})
+            meant = [n for n in meant if near in n.split("/")[:-1]] or meant
+        what = f"{leaf.path} = {show(leaf.value)} sets nothing"
+        if above and self.is_foreign(above[0]):
+            package = FOREIGN_PLANNERS[above[0]]
+            message = f"{what}: {above[0]} belongs to the planner of {package}, which is not in use; remove it"
+            return finding("error", "override", leaf.at, leaf.path, message)
+        if not meant:
+            message = (
+                f"{what}: this robot has no parameter of that name; `navstack params show` lists those that it has"
+            )
+            return finding("error", "override", leaf.at, leaf.path, message)
+        listed = ", ".join(meant[:MAX_NAMES]) + (
+            f" and {len(meant) - MAX_NAMES} more" if len(meant) > MAX_NAMES else ""
+        )
+        known = "the full name is" if len(meant) == 1 else "the full names are"
+        message = f"{what}: {known} {listed}; write {'it' if len(meant) == 1 else 'the one that is meant'}"
+        return finding("error", "override", leaf.at, leaf.path, message, meant[0] if len(meant) == 1 else None)
 
     def _add(
         self,
