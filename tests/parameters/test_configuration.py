@@ -676,11 +676,42 @@ def test_overrides_of_other_planners_and_of_former_names_are_no_errors() -> None
         assert not [f for f in check("turtlebot", overrides=[override]) if f.severity == "error"]
 
 
+@pytest.mark.parametrize(
+    "name", ["DWAPlanerROS", "dwa_local_planner", "TrajectoryPlannerROS", "FollowPath", "my_planner"]
+)
+def test_a_section_of_the_planner_under_another_name_is_one_finding(name: str, tmp_path: Path) -> None:
+    """The content says what is meant; what the defaults cause that are in use instead is part of the finding."""
+    for file in Path("params/turtlebot").iterdir():
+        text = file.read_text(encoding="utf-8").replace("\nDWAPlannerROS:", f"\n{name}:")
+        (tmp_path / file.name).write_text(text, encoding="utf-8")
+    [found] = [f for f in check(str(tmp_path)) if f.severity != "info"]
+    assert (found.key, found.replacement) == (name, "DWAPlannerROS")
+    assert "Because of its defaults: DWAPlannerROS commands sideways velocities" in found.message
+
+
+def test_a_finding_about_a_default_says_so() -> None:
+    planner = {"base_local_planner": "dwa_local_planner/DWAPlannerROS", "DWAPlannerROS": {"max_vel_x": 0.3}}
+    [found] = [f for f in check(planner) if f.rule == "sideways-command"]
+    assert "(max_vel_y is not set, so this is about its default)" in found.message
+    planner["DWAPlannerROS"] = {"max_vel_y": 0.1}
+    kept = {"navstack": {"sim": {"kinematics": "differential"}}}
+    [found] = [f for f in check(planner, kept) if f.rule == "sideways-command"]
+    assert "default" not in found.message
+
+
+def test_parameters_of_an_unselected_planner_keep_their_section() -> None:
+    both = {"TrajectoryPlannerROS": {"pdist_scale": 0.6, "gdist_scale": 0.8, "acc_lim_x": 1.0, "max_vel_x": 0.3}}
+    found = check({"base_local_planner": "dwa_local_planner/DWAPlannerROS"}, both)
+    assert [f.rule for f in found if f.key == "TrajectoryPlannerROS"] == ["not-in-use"]
+
+
 def test_an_override_of_the_radius_below_a_footprint_is_an_error() -> None:
     [error] = [f for f in check("jackal_dwa", overrides=["local_costmap/robot_radius=0.3"]) if f.severity == "error"]
     assert "footprint" in error.message and "local_costmap/footprint=[]" in error.message
     both = ["local_costmap/footprint=[]", "local_costmap/robot_radius=0.3"]
-    assert load_configuration(["jackal_dwa"], overrides=both).local_costmap.true_footprint.inscribed_radius == pytest.approx(0.3, abs=0.01)
+    assert load_configuration(
+        ["jackal_dwa"], overrides=both
+    ).local_costmap.true_footprint.inscribed_radius == pytest.approx(0.3, abs=0.01)
 
 
 # --- the robots of the world ------------------------------------------------------------------------------------------
