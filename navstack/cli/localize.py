@@ -160,7 +160,7 @@ class LocalizeOptions(NamedTuple):
 def _robot(files: list[str]) -> Method:
     """Return amcl with the parameters of a robot. Raises NavError."""
     configuration = load_configuration(files)
-    print_warnings(configuration)
+    print_warnings(configuration, files)
     amcl = configuration.localization.amcl
     if amcl is None:
         raise InputError(

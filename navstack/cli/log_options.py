@@ -190,7 +190,7 @@ class ReplayInput(NamedTuple):
         configuration = load_configuration(
             self.params or ["turtlebot"], overrides=self.set_, distro=self.distro, allow_missing=self.allow_missing
         )
-        print_warnings(configuration)
+        print_warnings(configuration, self.params or ["turtlebot"], self.set_, distro=self.distro)
         base = configuration.local_costmap.params.robot_base_frame
         with open_log(self.log, partial=self.partial) as log:
             static_map, file, notes = self._map(log, configuration, topics, pose)

@@ -114,7 +114,19 @@ ParamsArgument = Annotated[
         metavar="PARAMS..", help="Packaged set, folder, or files in loading order.", autocompletion=complete_params
     ),
 ]
-Set = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter (repeatable).")]
+
+
+def _set_texts(values: list[str]) -> list[str]:
+    """Mark the values as those of `--set`, for messages."""
+    from navstack.parameters import SetText
+
+    return [SetText(value) for value in values]
+
+
+Set = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter (repeatable).", callback=_set_texts),
+]
 Distro = Annotated[
     str | None,
     typer.Option(

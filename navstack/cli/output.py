@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import sys
 import threading
@@ -77,21 +78,41 @@ def print_note(message: str) -> None:
         stderr().print(f"[dim]note:[/] {escape(message)}")
 
 
-def print_warnings(configuration: Configuration) -> None:
-    """Print the warnings about a parameter set to stderr; see `print_findings`."""
-    print_findings(configuration.findings)
+def print_warnings(
+    configuration: Configuration,
+    sources: Sequence[str] = (),
+    overrides: Sequence[str] = (),
+    *,
+    distro: str | None = None,
+) -> None:
+    """Print the warnings about the parameters of these sources to stderr; see `print_findings`."""
+    print_findings(configuration.findings, sources, overrides, distro=distro)
 
 
-def print_findings(findings: Sequence[Finding]) -> None:
-    """Print warnings to stderr, with the severity that `navstack check` uses: none with --quiet, also infos with --verbose."""
+def print_findings(
+    findings: Sequence[Finding],
+    sources: Sequence[str] = (),
+    overrides: Sequence[str] = (),
+    *,
+    distro: str | None = None,
+) -> None:
+    """Print warnings to stderr, with the severity that `navstack check` uses: none with --quiet, also infos with --verbose.
+
+    Several warnings about named `sources` are one line with the command that shows them, except with --verbose.
+    """
     from rich.markup import escape
 
     shown = {Verbosity.QUIET: (), Verbosity.NORMAL: ("warning",), Verbosity.VERBOSE: ("warning", "info")}[_verbosity]
-    for finding in findings:
-        if finding.severity in shown:
-            color = "yellow" if finding.severity == "warning" else "cyan"
-            place = f"{finding.location}: " if str(finding.location) else ""
-            stderr().print(f"[{color}]{finding.severity}:[/] {escape(f'{place}{finding.message}')}")
+    chosen = [finding for finding in findings if finding.severity in shown]
+    if _verbosity == Verbosity.NORMAL and len(chosen) > 1 and sources:
+        options = [word for text in overrides for word in ("--set", text)] + (["--distro", distro] if distro else [])
+        command = shlex.join(["navstack", "check", *sources, *options])
+        stderr().print(f"[yellow]{len(chosen)} warnings about the parameters;[/] `{escape(command)}` shows them")
+        return
+    for finding in chosen:
+        color = "yellow" if finding.severity == "warning" else "cyan"
+        place = f"{finding.location}: " if str(finding.location) else ""
+        stderr().print(f"[{color}]{finding.severity}:[/] {escape(f'{place}{finding.message}')}")
 
 
 def print_files(files: Mapping[str, str]) -> None:

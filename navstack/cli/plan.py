@@ -107,7 +107,9 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
         candidates = compared(parameters, ",".join(chosen.compare))
     else:
         candidates = [single(parameters, chosen.planner)]
-    print_findings(list(dict.fromkeys(f for c in candidates for f in c.configuration.findings)))
+    found = list(dict.fromkeys(f for c in candidates for f in c.configuration.findings))
+    # `check` does not take the parameters of single candidates
+    print_findings(found, () if chosen.compare else chosen.params, chosen.set_)
     note_off_the_map(grid, start, [goal])
     return _Query(grid, start, goal, path), candidates
 

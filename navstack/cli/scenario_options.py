@@ -86,7 +86,8 @@ class ScenarioOptions(NamedTuple):
             obstacles=obstacles,
             shapes=shapes,
         )
-        print_warnings(scenario.configuration)
+        sources = self.params or [str(self.map_)]
+        print_warnings(scenario.configuration, sources, self.set_, distro=self.distro)
         spec.check_start(scenario)
         return scenario
 
@@ -99,7 +100,7 @@ class ScenarioOptions(NamedTuple):
         configuration = load_configuration(
             params, overrides=self.set_, distro=self.distro, allow_missing=self.allow_missing
         )
-        print_warnings(configuration)
+        print_warnings(configuration, params, self.set_, distro=self.distro)
         note_off_the_map(grid, start, goals)
         return Scenario(
             map=grid,

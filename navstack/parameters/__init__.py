@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from navstack.parameters.sections import make_section as make_section
     from navstack.parameters.sections import section_model as section_model
     from navstack.parameters.sources import Override as Override
+    from navstack.parameters.sources import SetText as SetText
     from navstack.parameters.sources import Source as Source
     from navstack.parameters.sources import packaged_folder as packaged_folder
     from navstack.parameters.sources import packaged_sets as packaged_sets

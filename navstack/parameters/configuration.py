@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,7 +31,7 @@ from navstack.parameters.rules import check_rules
 from navstack.parameters.simulated_robot import simulated
 from navstack.parameters.sources import Override, Source, read_sources
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
-from navstack.parameters.unused import unused_parameters
+from navstack.parameters.unused import meant_sections, unused_parameters, with_consequences
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 from navstack.plugins import (
     CRITICS,
@@ -243,10 +243,13 @@ class Loader:
         self.root = read.root
         self.findings = read.findings
         self.files = read.files
+        self.overrides = frozenset(read.overrides)
         self.complete = not any(f.severity == "error" for f in read.findings)
         """False if a source could not be read: rules about missing parameters would mislead."""
         self.not_in_use: list[Space] = []
         """Namespaces of planners that are not selected."""
+        self.default_planners: dict[str, Finding] = {}
+        """Namespace of a planner that is used because none is selected -> the warning about that."""
         self.distro = distro
         self.binder = Binder(self.findings)
         self.plugins = PluginLists(self.binder, self.findings, allow_missing=allow_missing)
@@ -279,8 +282,11 @@ class Loader:
         parts["navstack"] = navstack
         parts["safety"] = load_safety(self.root, self.binder, self.findings)
         parts["localization"] = load_localization(self.root, self.binder, self.findings)
-        self._check_unselected_planners()
+        meant = meant_sections(self.root, self.binder)
+        self._check_unselected_planners({section.path for section in meant})
         configuration = None
+        consequences: dict[str, list[str]] = {space.path: [] for space in meant.values()}
+        consequences |= {path: [] for path in self.default_planners}
         if all(part is not None for part in parts.values()):
             configuration = Configuration(
                 **parts, smoother=smoother, findings=(), tree=self.root, origins=self.binder.origins
@@ -288,9 +294,11 @@ class Loader:
             sim = simulated(configuration)
             configuration = replace(configuration, navstack=configuration.navstack.model_copy(update={"sim": sim}))
             if self.complete:
-                self.findings += check_rules(configuration)
+                self.findings += check_rules(configuration, consequences)
         sections = tuple(f"{space.path}/" for space in self.not_in_use)
-        unused = unused_parameters(self.root, self.binder)
+        for path, found in self.default_planners.items():
+            self.findings.append(with_consequences(found, consequences[path]))
+        unused = unused_parameters(self.root, self.binder, self.overrides, meant, consequences)
         self.findings += [f for f in unused if f.severity != "info" or not f.key.startswith(sections)]
         return configuration
 
@@ -328,6 +336,7 @@ class Loader:
         # the footprint's own finding replaces the less specific ones of the model
         reported = {f.key for f in self.findings[before:] if f.rule == "footprint"}
         self.findings[:] = [f for f in self.findings if f.rule == "footprint" or f.key not in reported]
+        self._check_radius(space, footprint)
         layers = self._layers(space, listed)
         if listed is None:  # without the list it is unknown what the layers read
             for leaf in space.leaves():
@@ -335,6 +344,18 @@ class Loader:
         if params is None or footprint is None or layers is None:
             return None
         return CostmapConfiguration(params, footprint.padded, footprint.true, layers)
+
+    def _check_radius(self, space: Space, footprint: LoadedFootprint | None) -> None:
+        """Report an override of the radius of a robot whose footprint takes precedence."""
+        radius = space.search("robot_radius")
+        polygon = footprint.origin if footprint is not None else None
+        if radius is None or radius.at.file not in self.overrides or polygon is None or polygon.name != "footprint":
+            return
+        message = (
+            f"{radius.path} = {show(radius.value)} sets nothing: footprint ({polygon.at}) takes precedence; override "
+            f"{polygon.path}, or empty it: {polygon.path}=[]"
+        )
+        self.findings.append(finding("error", "override", radius.at, radius.path, message))
 
     def _layers(self, space: Space, listed: list[ListedPlugin] | None) -> tuple[Plugin[Layer], ...] | None:
         layers: list[Plugin[Layer]] = []
@@ -407,16 +428,19 @@ class Loader:
         ros, space = others[0]
         fix = f"set {key}: {ros}" if ros else f"set {key} to the planner that is meant"
         message += f", with its own defaults; the parameters of {space.name} have no effect; {fix}"
-        self.findings.append(finding("warning", "default-planner", space.at, space.path, message, ros or None))
+        namespace = planner_namespaces(registry.get(default))[0] if default in registry else default
+        self.default_planners[namespace] = finding(
+            "warning", "default-planner", space.at, space.path, message, ros or None
+        )
 
-    def _check_unselected_planners(self) -> None:
+    def _check_unselected_planners(self, meant: Collection[str]) -> None:
         """Report each planner that is written but not selected, with its wrong values as warnings."""
         kinds = ((GLOBAL_PLANNERS, "base_global_planner"), (LOCAL_PLANNERS, "base_local_planner"))
         for registry, key in (*kinds, (SMOOTHERS, "base_smoother")):
             for registered, aliases in registry.names():
                 for name in own_namespaces(registered, aliases):
                     space = self.root.space(name)
-                    if space is None or space.used:
+                    if space is None or space.used or space.path in meant:
                         continue
                     entry = registry.get(registered)
                     if name in shared_namespaces(entry):

@@ -1,22 +1,26 @@
 """The parameters that a roslaunch file sets for its move_base node.
 
 Supported: launch, group, arg, include, node, param, rosparam, remap, `if` and `unless`, and the substitutions arg, find, env,
-optenv, anon and dirname. `$(find package)` is searched next to the file: in the folders above it, by the name of the package
-and by the rest of the path. Nothing is executed: `$(eval ..)` and `command=` are rejected.
+optenv, anon, dirname and eval. `$(find package)` is searched near the file (`navstack.parameters.packages`). Nothing is
+executed: `$(eval ..)` is evaluated by its syntax tree, and of `command=` only the xacro file is taken note of.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
-from navstack.core import NotRegularFileError, TooLargeError, is_file, read_bytes, resolved, shortened
+from navstack.core import NotRegularFileError, TooLargeError, is_file, read_bytes, shortened
+from navstack.parameters.expressions import MATH, evaluate
 from navstack.parameters.findings import Finding, Location, Severity, finding
+from navstack.parameters.packages import package_file, why_missing
 from navstack.parameters.tree import Space, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, Node, ScalarNode, parse_value, read_yaml, relocate
 
@@ -24,7 +28,6 @@ from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, Node, ScalarNod
 # Substitutions of launch files: `$(arg ..)`, `$(find ..)`, `$(env ..)`; nothing is executed.
 
 
-FOLDERS_UP = 5
 MAX_EXPANDED = 1_000_000
 """Longest text with its substitutions (characters): arguments that repeat each other grow without end."""
 _SUBSTITUTION = re.compile(r"\$\(\s*([a-z]+)((?:\s+[^()]*)?)\)")
@@ -48,7 +51,7 @@ def substitute(text: str, arguments: Mapping[str, str], folder: Path) -> str:
     `folder` is that of the launch file. A text that grows beyond a million characters is a ValueError as well.
     """
     if is_expression(text):
-        raise ValueError(f"{text.strip()} is a Python expression, which is not evaluated; write its value")
+        return _evaluated(text, arguments, folder)
 
     length = len(text)
 
@@ -88,30 +91,47 @@ def substitute(text: str, arguments: Mapping[str, str], folder: Path) -> str:
     return _SUBSTITUTION.sub(bounded, text)
 
 
+def _evaluated(text: str, arguments: Mapping[str, str], folder: Path) -> str:
+    """Evaluate `$(eval ..)` as roslaunch does; a package that it finds stays `$(find package)`. Raise ValueError."""
+    written = text.strip()
+    if not written.endswith(")"):
+        raise ValueError(f"{shortened(written, 200)} must be the whole value: $(eval ..) cannot be followed by text")
+
+    def filled(command: str, *values: Any) -> str:
+        return substitute(f"$({command} {' '.join(str(value) for value in values)})", arguments, folder)
+
+    def argument(name: str) -> Any:
+        return param_value(filled("arg", name), "auto")
+
+    def find(package: str) -> str:
+        return f"$(find {package})"
+
+    functions: dict[str, Any] = {"find": find, "arg": argument, "dirname": lambda: str(folder)}
+    functions |= {name: partial(filled, name) for name in ("env", "optenv", "anon")}
+    names = {**MATH, **{name: param_value(value, "auto") for name, value in arguments.items()}, **functions}
+    try:
+        return str(evaluate(written.partition("eval")[2][:-1], names))
+    except ValueError as exc:
+        fix = "" if ";" in str(exc) else "; write its value"
+        raise ValueError(f"{shortened(written, 200)} cannot be evaluated: {exc}{fix}") from exc
+
+
 def find_file(text: str, launch: Path) -> Path | None:
-    """Return the file that a path of a launch file names; `$(find package)` is searched in the folders above the file."""
+    """Return the file that a path of a launch file names; `$(find package)` is a package near the file."""
     found = _SUBSTITUTION.match(text)
     if found is None or found[1] != "find":
         path = Path(text)
         path = path if path.is_absolute() else launch.parent / path
         return path if is_file(path) else None
-    package = found[2].strip()
-    rest = parts_of(text[found.end() :])
-    return next((path for path in _candidates(launch, package, rest) if is_file(path)), None)
+    return package_file(found[2].strip(), parts_of(text[found.end() :]), launch)
 
 
-def _candidates(launch: Path, package: str, rest: list[str]) -> Iterator[Path]:
-    """Places of `$(find package)/rest`: the layout of a workspace first, then paths with folders left out."""
-    folders = [resolved(launch).parent, *resolved(launch).parent.parents][:FOLDERS_UP]
-    for folder in folders:
-        yield folder.joinpath(package, *rest)
-        yield folder.joinpath(*rest)
-    # exported to one folder: package__launch__include__move_base.launch
-    yield folders[0] / "__".join([package, *rest])
-    for skipped in range(1, len(rest)):
-        for folder in folders[: FOLDERS_UP - 2]:
-            yield folder.joinpath(package, *rest[skipped:])
-            yield folder.joinpath(*rest[skipped:])
+def _why_not_found(text: str, launch: Path) -> tuple[str, str]:
+    """Say why `find_file` finds nothing, and what to do."""
+    found = _SUBSTITUTION.match(text)
+    if found is None or found[1] != "find":
+        return "no such file", "add the file or correct its path"
+    return why_missing(found[2].strip(), parts_of(text[found.end() :]), launch)
 
 
 def param_value(text: str, kind: str) -> Any:
@@ -266,6 +286,10 @@ class LaunchReader:
         self._includes = 0
         self._growth = 0
         self._remaps: list[tuple[str, str, Location]] = []
+        self._skipped: list[str] = []
+        """Includes that were not found."""
+        self.descriptions: list[tuple[Path, dict[str, str]]] = []
+        """URDF and xacro files that the launch files name, each with its arguments."""
 
     def read(self, path: Path, shown: str, arguments: Mapping[str, str]) -> Space | None:
         """Return the namespace of the move_base node; None if there is no such node or the file cannot be read."""
@@ -290,7 +314,8 @@ class LaunchReader:
             )
             self.add_finding("warning", "launch", at, message)
         if not self._nodes:
-            message = "the launch file starts no move_base node; name the launch file that starts it"
+            absent = f" (not found: {', '.join(self._skipped[:3])})" if self._skipped else ""
+            message = f"the launch file starts no move_base node{absent}; name the launch file that starts it"
             self.add_finding("error", "launch", at, message)
             return
         if len(self._nodes) > 1:
@@ -392,7 +417,9 @@ class LaunchReader:
                 )
             return filled
         except ValueError as exc:
-            message = _expression_message(text, element) if is_expression(text) else str(exc)
+            message = str(exc)
+            if is_expression(text):
+                message = f"{_value_of(element)}: {message}"
             self.add_finding("error", "launch", self._at(element, scope), message)
             raise _SkipElement from exc
 
@@ -420,7 +447,9 @@ class LaunchReader:
         path = find_file(text, scope.path) if text else None
         if path is None:
             name = text or element.attributes.get("file", "")
-            message = f"{_short(name)} was not found, so its include is skipped"
+            why, _ = _why_not_found(name, scope.path)
+            message = f"{_short(name)} was not found ({why}), so its include is skipped"
+            self._skipped.append(_short(name))
             self.add_finding("info", "launch", self._at(element, scope), message)
             return
         self._includes += 1
@@ -480,7 +509,7 @@ class LaunchReader:
         name = self._get(element, "name", scope)
         for source in ("textfile", "binfile", "command"):
             if source in element.attributes:
-                self.add_finding("info", "launch", at, f"{name} is ignored because {source}= is not supported")
+                self._generated(name, source, self._get(element, source, scope), at, scope)
                 return
         text = self._get(element, "value", scope)
         kind = element.attributes.get("type", "auto")
@@ -500,6 +529,28 @@ class LaunchReader:
             relocate(made, at)
             node = made
         put(self._space(namespace, at), last, at, node, self.findings)
+
+    def _generated(self, name: str, source: str, text: str, at: Location, scope: _Scope) -> None:
+        """Report a parameter that a file or a program would make; keep the robot's description that it names."""
+        try:
+            words = shlex.split(text) if source == "command" else [text]
+        except ValueError:
+            words = text.split()
+        named = next((word for word in words if word.endswith((".xacro", ".urdf"))), None)
+        if named is None:
+            message = f"{name} is ignored: {source}={_short(text)} is not supported; write its value"
+            self.add_finding("info", "launch", at, message)
+            return
+        path = find_file(named, scope.path)
+        if path is None:
+            why, _ = _why_not_found(named, scope.path)
+            self.add_finding("info", "launch", at, f"{name} is not made, because {_short(named)} was not found: {why}")
+            return
+        given = dict(found for word in words if (found := launch_argument(word)) is not None)
+        self.descriptions.append((path, given))
+        how = "the command line is not executed" if source == "command" else "the file is not loaded"
+        message = f"{name} is not made ({how}); the simulated sensors are taken from {_shown_name(scope, path)}"
+        self.add_finding("info", "launch", at, message)
 
     def _rosparam(self, element: Element, scope: _Scope) -> None:
         at = self._at(element, scope)
@@ -530,9 +581,8 @@ class LaunchReader:
         text = self._get(element, "file", scope)
         path = find_file(text, scope.path)
         if path is None:
-            message = (
-                f"{_short(text)} was not found; place it next to the launch file, in a folder named like its package"
-            )
+            why, fix = _why_not_found(text, scope.path)
+            message = f"{_short(text)} was not found: {why}; {fix}"
             self.add_finding("error", "launch", self._at(element, scope), message)
             return None
         shown = _shown_name(scope, path)
@@ -561,17 +611,11 @@ def _short(text: str) -> str:
     return shortened(text, 200)
 
 
-def _expression_message(text: str, element: Element) -> str:
-    """What to do about a Python expression in an attribute of an element."""
-    name = element.attributes.get("name", "")
+def _value_of(element: Element) -> str:
+    """What a value of an element is, for a message."""
     if element.tag == "arg" and "default" in element.attributes:
-        what, fix = f"the default of the argument {name}", f"add {name}:=VALUE after the launch file"
-    elif element.tag == "rosparam":
-        what = "the file of <rosparam>"
-        fix = "write its path, or name the file after the launch file as FILE@NAMESPACE"
-    else:
-        what, fix = f"a value of <{element.tag}>", "write its value"
-    return f"{what} is a Python expression, {_short(text.strip())}, which is not evaluated; {fix}"
+        return f"the default of the argument {element.attributes.get('name', '')}"
+    return "the file of <rosparam>" if element.tag == "rosparam" else f"a value of <{element.tag}>"
 
 
 def _shown_name(scope: _Scope, path: Path) -> str:

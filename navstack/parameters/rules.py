@@ -23,8 +23,13 @@ RULE_MODULES: Final = (rules_plugins, rules_safety, rules_steering, simulated_ro
 # --- running the rules ------------------------------------------------------------------------------------------------
 
 
-def check_rules(configuration: Configuration) -> list[Finding]:
-    """Return the findings of every rule about a loaded configuration."""
+def check_rules(configuration: Configuration, consequences: Mapping[str, list[str]] | None = None) -> list[Finding]:
+    """Return the findings of every rule about a loaded configuration.
+
+    `consequences` has an entry for each namespace that only has its defaults because its section is misspelt: what the rules
+    say about those defaults is added there, for the finding about that section, and is no finding of its own.
+    """
+    consequences = consequences or {}
     global_costmap, local_costmap = configuration.costmaps
     found: list[Finding] = []
     for plugin, costmap in _plugins(configuration, global_costmap, local_costmap):
@@ -37,10 +42,10 @@ def check_rules(configuration: Configuration) -> list[Finding]:
             costmap,
         )
         found += _findings(
-            configuration.tree, plugin.namespace, plugin.params, lambda p=plugin, c=own: p.params.check(c)
+            configuration, plugin.namespace, plugin.params, lambda p=plugin, c=own: p.params.check(c), consequences
         )
     for one in list(RULES.values()):
-        found += _findings(configuration.tree, "", None, lambda one=one: one.issues(configuration))
+        found += _findings(configuration, "", None, lambda one=one: one.issues(configuration), consequences)
     return found
 
 
@@ -64,9 +69,14 @@ def _plugins(
 
 
 def _findings(
-    root: Space, namespace: str, params: ParamModel | None, check: Callable[[], Iterator[Issue]]
+    configuration: Configuration,
+    namespace: str,
+    params: ParamModel | None,
+    check: Callable[[], Iterator[Issue]],
+    consequences: Mapping[str, list[str]],
 ) -> Iterator[Finding]:
     """Locate the issues of one check. A check that raises is itself a finding: a plugin's fault must not stop loading."""
+    root = configuration.tree
     try:
         issues = list(check())
     except Exception as exc:
@@ -84,7 +94,16 @@ def _findings(
             at, key = written[0].at, written[0].path
         else:
             at, key = _place(root, *places[0])
-        yield finding(issue.severity, issue.rule, at, key, issue.message, issue.suggestion)
+        message, (space, model, last) = issue.message, places[0]
+        if issue.severity != "info" and _leaf(root, space, model, last) is None:
+            if space in consequences:
+                consequences[space].append(message.partition(";")[0])
+                continue
+            # a name that is written anywhere may be what the rule means: a namespace below, a searched parameter
+            if not any(leaf.name == last for leaf in root.leaves()) and f"{space}/{last}" not in configuration.origins:
+                what, separator, fix = message.partition("; ")
+                message = f"{what} ({last} is not set, so this is about its default){separator}{fix}"
+        yield finding(issue.severity, issue.rule, at, key, message, issue.suggestion)
 
 
 def _split(name: str, namespace: str, params: ParamModel | None) -> tuple[str, type[ParamModel] | None, str]:

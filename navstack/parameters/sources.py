@@ -259,6 +259,12 @@ Source = str | Path | Mapping[str, Any] | DictNode
 """A name, folder or file; values from Python; or a mapping with locations that was read elsewhere."""
 
 
+class SetText(str):
+    """`NAME=VALUE` of the option `--set`: findings name the option instead of the Python argument `overrides`."""
+
+    __slots__ = ()
+
+
 class Override(NamedTuple):
     """A value of the command line that another option than `--set` gives."""
 
@@ -302,10 +308,16 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str | Override] 
             load_root(out, source)
         else:
             _read_named(out, str(source))
-    for number, given in enumerate(overrides, 1):
-        text, option = (given, f"--set argument {number}") if isinstance(given, str) else given
+    for number, given in enumerate(overrides):
+        text, option = (given, _name_of(number, given)) if isinstance(given, str) else given
+        out.overrides.append(option)
         _override(out, text, Location(option))
     return out
+
+
+def _name_of(number: int, given: str) -> str:
+    """The name of an override in messages."""
+    return f"--set argument {number + 1}" if isinstance(given, SetText) else f"overrides[{number}]"
 
 
 def split_namespace(text: str) -> tuple[str, str]:

@@ -188,6 +188,8 @@ class Sources:
     """Files read, as shown in messages, in order."""
     named: set[Path] = field(default_factory=set[Path])
     """Absolute paths of the files and folders that the user named."""
+    overrides: list[str] = field(default_factory=list[str])
+    """Names of the overrides in messages."""
     arguments: dict[str, str] = field(default_factory=dict[str, str])
     """Arguments for launch files: the sources of the form `name:=value`."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -125,9 +125,113 @@ _FAR = 2
 """Distance between namespaces from which on another place is an unlikely guess."""
 
 
-def unused_parameters(root: Space, binder: Binder) -> list[Finding]:
-    """Return the findings about everything in the tree that nothing read."""
-    return _UnusedCheck(root, binder).run()
+_SURE, _LIKELY = 0.8, 0.5
+"""Share of the names in a section that a model must have: for a section with the name of another planner, for others."""
+
+
+def meant_sections(root: Space, binder: Binder) -> dict[Space, Space]:
+    """Return the sections that nothing reads, each with the namespace without any value that has its parameters.
+
+    The content decides, then the spelling: a section with the parameters of the selected planner is meant for it, whatever it
+    is called. Each namespace that is meant is bound.
+    """
+    found: dict[Space, Space] = {}
+    for parent in (root, *(space for name in COSTMAPS if (space := root.space(name)) is not None)):
+        empty = {
+            space: model
+            for space, model in binder.bound
+            if space.parent is parent and space.name not in (*COSTMAPS, "navstack") and not any(space.leaves())
+        }
+        for section in parent.children.values():
+            if isinstance(section, Space) and not section.used and not _contains_used(section):
+                target = _meant(section, empty)
+                if target is not None:
+                    found[section] = target
+    return found
+
+
+def _meant(section: Space, empty: Mapping[Space, type[ParamModel]]) -> Space | None:
+    """The namespace that a section is meant for; None if its content does not say."""
+    fits = {space: _fit(section, model) for space, model in empty.items()}
+    best = max(fits.values(), default=0.0)
+    planner = _planner_of(section)
+    if best < (_LIKELY if planner is None else _SURE):
+        return None
+    if planner is not None and planner[1] is not None:
+        own = _fit(section, planner[1])
+        if own > best or (own == best and planner[0] == section.name):
+            return None
+    same = [space for space, fit in fits.items() if fit == best]
+    if len(same) == 1:
+        return same[0]
+    name = nearest(section.name, [space.name for space in same], cutoff=0.6)
+    return next((space for space in same if space.name == name), None)
+
+
+def _planner_of(section: Space) -> tuple[str, type[ParamModel] | None] | None:
+    """The planner or layer that a section is called like, and its model (None if it is not navstack's)."""
+    if section.parent is None or section.parent.path:
+        names = {usual: name for name, _ in reversed(LAYERS.names()) for usual in reversed(layer_names(name))}
+        found = names.get(section.name)
+        return None if found is None else (section.name, _model_of(LAYERS, found))
+    planners = {
+        namespace: (registry, name)
+        for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS, SMOOTHERS)
+        for name, aliases in registry.names()
+        for namespace in own_namespaces(name, aliases)
+    }
+    close = nearest(section.name, [*planners, *FOREIGN_PLANNERS], cutoff=0.85)
+    if close is None:
+        return None
+    return close, _model_of(*planners[close]) if close in planners else None
+
+
+def _fit(section: Space, model: type[ParamModel]) -> float:
+    """Share of the names in a section that a model has."""
+    known = set(iter_names(model))
+    names = [child.name for child in section.children.values()]
+    return sum(name in known for name in names) / len(names) if names else 0.0
+
+
+def with_consequences(found: Finding, consequences: Sequence[str]) -> Finding:
+    """Return a finding that also says what the defaults cause that are in use because of it."""
+    if not consequences:
+        return found
+    return replace(found, message=f"{found.message}. Because of its defaults: {'; '.join(dict.fromkeys(consequences))}")
+
+
+MAX_NAMES = 6
+"""Full names that a message about an override lists."""
+
+
+def unused_parameters(
+    root: Space,
+    binder: Binder,
+    overrides: Collection[str] = (),
+    meant: Mapping[Space, Space] | None = None,
+    consequences: Mapping[str, Sequence[str]] | None = None,
+) -> list[Finding]:
+    """Return the findings about everything in the tree that nothing read.
+
+    `meant` are the sections of `meant_sections`, and `consequences` what the defaults of those namespaces cause.
+
+    A value that one of the `overrides` (their names as locations) sets and that nothing reads is an error: what the user asked
+    for does not happen.
+    """
+    check = _UnusedCheck(root, binder, meant or {}, consequences or {})
+    found = check.run()
+    unread = [leaf for leaf in root.leaves() if leaf.at.file in overrides and not leaf.used]
+    # a section that another choice of planner reads, and a name that is kept for old files, are no errors
+    explained = {f.key for f in found if f.severity == "info" and not check.is_foreign(f.key)}
+    errors = [check.unread_override(leaf) for leaf in unread if not _names_within(leaf.path, explained)]
+    wrong = {f.key for f in errors}
+    return [f for f in found if f.file not in overrides or (f.severity == "info" and f.key not in wrong)] + errors
+
+
+def _names_within(path: str, names: Collection[str]) -> bool:
+    """True if a path or a namespace above it is among the names."""
+    parts = path.split("/")
+    return any("/".join(parts[:end]) in names for end in range(1, len(parts) + 1))
 
 
 def _source(leaf: Leaf) -> Location | int:
@@ -138,8 +242,12 @@ def _source(leaf: Leaf) -> Location | int:
 class _UnusedCheck:
     """One pass over the tree after everything was read."""
 
-    def __init__(self, root: Space, binder: Binder) -> None:
+    def __init__(
+        self, root: Space, binder: Binder, meant: Mapping[Space, Space], consequences: Mapping[str, Sequence[str]]
+    ) -> None:
         self.root = root
+        self._meant = meant
+        self._consequences = consequences
         self._binder = binder
         self.findings: list[Finding] = []
         self.read = {_source(leaf) for leaf in root.leaves() if leaf.used}
@@ -159,6 +267,44 @@ class _UnusedCheck:
     def run(self) -> list[Finding]:
         self._visit(self.root)
         return self.findings
+
+    def is_foreign(self, namespace: str) -> bool:
+        """Return True for the namespace of a planner that navstack does not have."""
+        return namespace in FOREIGN_PLANNERS and namespace not in self.catalog.planners
+
+    def unread_override(self, leaf: Leaf) -> Finding:
+        """Return the error about an override that nothing reads, with the full names that exist."""
+        names = {
+            f"{space.path}/{name}".lstrip("/"): None
+            for space, model in self._binder.bound
+            for name in model.model_fields
+            if name != model.CHILD_FIELD and name not in model.FROM_NAVSTACK and is_value(model, name)
+        }
+        *above, last = leaf.path.split("/")
+        meant = [n for n in names if n.rpartition("/")[2] == last]
+        if not meant:
+            close = nearest(last, {n.rpartition("/")[2] for n in names})
+            meant = [n for n in names if (end := n.rpartition("/")[2]) == close or end.startswith(f"{last}_")]
+        # those in the namespaces that are written, if there are such
+        for part in above:
+            near = nearest(part, {p for n in meant for p in n.split("/")[:-1]})
+            meant = [n for n in meant if near in n.split("/")[:-1]] or meant
+        what = f"{leaf.path} = {show(leaf.value)} sets nothing"
+        if above and self.is_foreign(above[0]):
+            package = FOREIGN_PLANNERS[above[0]]
+            message = f"{what}: {above[0]} belongs to the planner of {package}, which is not in use; remove it"
+            return finding("error", "override", leaf.at, leaf.path, message)
+        if not meant:
+            message = (
+                f"{what}: this robot has no parameter of that name; `navstack params show` lists those that it has"
+            )
+            return finding("error", "override", leaf.at, leaf.path, message)
+        listed = ", ".join(meant[:MAX_NAMES]) + (
+            f" and {len(meant) - MAX_NAMES} more" if len(meant) > MAX_NAMES else ""
+        )
+        known = "the full name is" if len(meant) == 1 else "the full names are"
+        message = f"{what}: {known} {listed}; write {'it' if len(meant) == 1 else 'the one that is meant'}"
+        return finding("error", "override", leaf.at, leaf.path, message, meant[0] if len(meant) == 1 else None)
 
     def _add(
         self,
@@ -334,6 +480,9 @@ class _UnusedCheck:
     def _unknown_namespace(self, parent: Space, space: Space) -> None:
         """Report a namespace that nothing read; the first explanation that applies."""
         name = space.name
+        if space in self._meant:
+            self._meant_for(parent, space, self._meant[space])
+            return
         package = FOREIGN_PLANNERS.get(name) if not parent.path else None
         if package is not None:
             message = f"{name} has no effect: it belongs to the planner of {package}, which is not in use"
@@ -341,6 +490,21 @@ class _UnusedCheck:
             return
         if not self._unlisted(parent, space) and not self._misspelt_namespace(parent, space):
             self._foreign_namespace(parent, space)
+
+    def _meant_for(self, parent: Space, space: Space, target: Space) -> None:
+        """Report a section whose parameters are those of a namespace that has none."""
+        [model, *_] = self.models[target.path]
+        count, known = len(space.children), round(_fit(space, model) * len(space.children))
+        has = "its parameter is one" if count == 1 else f"its {count} parameters are those"
+        if known < count:
+            has = f"{known} of its {count} parameters {'is one' if known == 1 else 'are those'}"
+        message = (
+            f"{space.name} is not read, and {has} of {target.name}, which has its defaults; rename it to {target.name}"
+        )
+        sure = target.name if _fit(space, model) >= _SURE else None
+        self._add("warning", "unknown-namespace", space, message, target.name, sure)
+        self.findings[-1] = with_consequences(self.findings[-1], self._consequences.get(target.path, ()))
+        self._misspelt_in(space, [model])
 
     def _unlisted(self, parent: Space, space: Space) -> bool:
         """Report the namespace of a layer or an observation source that its list does not contain."""
@@ -367,13 +531,16 @@ class _UnusedCheck:
         close = self._nearest(name, known, cutoff=0.7)
         if close is None or close == name:
             return False
-        message = f"{name} is not a namespace of {where} and has no effect; did you mean {close}?"
-        certain = close if is_certain(name, close, known) else None
-        self._add("warning", "unknown-namespace", space, message, close, certain)
         models = self.models.get(parent.join(close), [])
         source = known.get(close)
         model = source() if source is not None else models[0] if models else None
-        if model is not None:
+        fit = _fit(space, model) if model is not None and any(True for _ in space.leaves()) else 1.0
+        if fit == 0.0 and len(space.children) > 1:
+            return False  # a similar name with other content
+        message = f"{name} is not a namespace of {where} and has no effect; did you mean {close}?"
+        certain = close if is_certain(name, close, known) else None
+        self._add("warning", "unknown-namespace", space, message, close, certain)
+        if model is not None and fit >= _LIKELY:
             self._misspelt_in(space, [model])
         return True
 

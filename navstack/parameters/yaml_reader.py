@@ -6,11 +6,9 @@ and files that expand beyond the limits are rejected. Uses libyaml's parser wher
 
 from __future__ import annotations
 
-import ast
 import math
-import operator
 import re
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -22,6 +20,7 @@ from yaml.constructor import SafeConstructor
 from yaml.reader import ReaderError
 
 from navstack.core import NotRegularFileError, TooLargeError, read_bytes, resolved
+from navstack.parameters.expressions import evaluate
 from navstack.parameters.findings import Finding, Location, finding
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -108,42 +107,16 @@ _RAD = re.compile(r"rad\([^)]*\)\Z")
 
 _RESOLVERS: dict[str | None, list[tuple[str, re.Pattern[str]]]] = yaml.SafeLoader.yaml_implicit_resolvers  # type: ignore[assignment]
 _CONSTRUCTOR: Any = SafeConstructor()
-_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-}
 
 
 def _arithmetic(text: str) -> float:
     """Evaluate the arithmetic that rosparam allows in `rad(..)`: `pi/2`, `-2*pi`. Raise ValueError for anything else."""
     if len(text) > MAX_NUMBER_CHARS:
         raise ValueError(text)
-
-    def value(node: ast.AST) -> float:
-        match node:
-            case ast.Expression(body):
-                return value(body)
-            case ast.Constant(v) if isinstance(v, (int, float)) and not isinstance(v, bool):
-                return float(v)
-            case ast.Name("pi"):
-                return math.pi
-            case ast.Attribute(ast.Name("math"), "pi"):
-                return math.pi
-            case ast.BinOp(left, op, right) if type(op) in _OPERATORS:
-                return _OPERATORS[type(op)](value(left), value(right))
-            case ast.UnaryOp(op, operand) if type(op) in _OPERATORS:
-                return _OPERATORS[type(op)](value(operand))
-            case _:
-                raise ValueError(text)
-
-    try:
-        return value(ast.parse(text.strip(), mode="eval"))
-    except (SyntaxError, ZeroDivisionError, OverflowError, RecursionError, MemoryError) as exc:
-        raise ValueError(text) from exc
+    value = evaluate(text, {"pi": math.pi})
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(text)
+    return float(value)
 
 
 def _degrees(text: str) -> float:

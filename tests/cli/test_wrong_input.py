@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -176,10 +177,43 @@ def test_bad_parameters(navstack, tmp_path: Path, override: str, words: str) -> 
 
 
 def test_a_misspelt_parameter_is_a_warning(navstack, tmp_path: Path) -> None:
-    outcome = navstack("check", "turtlebot", "--set", "DWAPlannerROS/max_vel_xx=0.4", "--json")
+    (tmp_path / "more.yaml").write_text("DWAPlannerROS: {max_vel_xx: 0.4}\n")
+    outcome = navstack("check", "turtlebot", str(tmp_path / "more.yaml"), "--json")
     assert outcome.code == 0
     findings = json.loads(outcome.out)["findings"]
     assert any(f["severity"] == "warning" and "max_vel_xx" in f["message"] for f in findings)
+
+
+def test_an_override_that_sets_nothing_ends_the_command_with_the_full_names(navstack, tmp_path: Path) -> None:
+    outcome = navstack("plan", write_map(tmp_path), *GOOD_PLAN, "--set", "inflation_radius=0.4")
+    assert outcome.code == 2 and outcome.out == ""
+    assert outcome.err.count("inflation_radius = 0.4 sets nothing") == 1 and "--set argument 1" in outcome.err
+    assert "did you mean" not in outcome.err
+    names = ("global_costmap/inflation_layer/inflation_radius", "local_costmap/inflation_layer/inflation_radius")
+    for name in names:
+        assert name in outcome.err
+    written = [text for name in names for text in ("--set", f"{name}=0.4")]
+    assert navstack("check", "turtlebot", *written).code == 0
+
+
+def test_several_warnings_are_one_line_with_the_command_that_shows_them(navstack, tmp_path: Path) -> None:
+    (tmp_path / "more file.yaml").write_text("DWAPlannerROS: {a: 1}\nlocal_costmap: {b: 1}\n")
+    arguments = (
+        "plan",
+        write_map(tmp_path),
+        *GOOD_PLAN,
+        "--params",
+        "turtlebot",
+        "--params",
+        str(tmp_path / "more file.yaml"),
+    )
+    err = navstack(*arguments, "--set", "planner_frequency=1.0").err
+    [line] = [text for text in err.splitlines() if "warning" in text]
+    assert line.startswith("2 warnings about the parameters; `navstack check turtlebot ")
+    command = shlex.split(line.partition("`")[2].partition("`")[0])
+    assert command[-2:] == ["--set", "planner_frequency=1.0"]
+    assert navstack(*command[1:], "--severity", "warning").out.count(": warning: ") == 2
+    assert navstack("--verbose", *arguments).err.count("warning: ") == 2
 
 
 def test_unknown_packaged_names(navstack) -> None:

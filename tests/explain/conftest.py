@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ OBSTACLE = (1.2, 1.6, 0.15)
 def scenario() -> Scenario:
     return Scenario(
         map=two_rooms({0.0: 1.0}),
-        configuration=load_configuration(["turtlebot"], overrides=["spare/value=.inf", "spare/other=[.nan, '.inf x']"]),
+        configuration=load_configuration(["turtlebot", {"spare": {"value": math.inf, "other": [math.nan, ".inf x"]}}]),
         start=Pose2D(0.0, -2.0, 1.5),
         goals=(Pose2D(0.0, 1.5, 1.5), Pose2D(1.5, 2.4, 0.0)),
         obstacles=(OBSTACLE,),

@@ -584,7 +584,7 @@ def test_overrides_and_distro() -> None:
     (error,) = [f for f in check(robot(), distro="kinetic") if f.severity == "error"]
     assert (error.file, error.rule) == ("--distro", "wrong-value")
     (error,) = [f for f in check(robot(), overrides=["DWAPlannerROS/max_vel_x=fast"]) if f.severity == "error"]
-    assert error.file == "--set argument 1"
+    assert error.file == "overrides[0]"
 
 
 def test_recoveries_have_their_own_namespaces() -> None:
@@ -626,7 +626,7 @@ def test_every_value_has_its_location() -> None:
     origins = loaded.origins
     # by the current name, also for a former one, and where a source finds it by searching
     assert str(origins["DWAPlannerROS/max_vel_trans"]) == "turtlebot/dwa_local_planner_params.yaml:10:18"
-    assert str(origins["DWAPlannerROS/sim_time"]) == "--set argument 1"
+    assert str(origins["DWAPlannerROS/sim_time"]) == "overrides[0]"
     assert origins["DWAPlannerROS/controller_frequency"].file == "turtlebot/move_base_params.yaml"
     scan = origins["local_costmap/obstacle_layer/scan/obstacle_range"]
     assert (scan.file, scan.line) == ("turtlebot/costmap_common_params.yaml", 19)
@@ -637,6 +637,81 @@ def test_loading_is_repeatable() -> None:
     first, second = load_configuration(["turtlebot"]), load_configuration(["turtlebot"])
     assert first == second
     assert [str(f) for f in first.findings] == [str(f) for f in second.findings]
+
+
+@pytest.mark.parametrize(
+    ("override", "names"),
+    [
+        (
+            "inflation_radius=0.4",
+            ["global_costmap/inflation_layer/inflation_radius", "local_costmap/inflation_layer/infl"],
+        ),
+        ("local_costmap/inflation_layr/inflation_radius=0.4", ["is local_costmap/inflation_layer/inflation_radius"]),
+        ("max_vel_x=0.2", ["is DWAPlannerROS/max_vel_x"]),
+        ("DWAPlannerROS/max_vel=0.2", ["DWAPlannerROS/max_vel_x", "DWAPlannerROS/max_vel_trans"]),
+        ("DWAPlannerROS={max_vel_x: 0.2, acc_limit_x: 1.0}", ["is DWAPlannerROS/acc_lim_x"]),
+        ("sim/laser/fov=2", ["is navstack/sim/laser/fov"]),
+        ("TebLocalPlannerROS/max_vel_x=0.2", ["belongs to the planner of teb_local_planner"]),
+        ("qwertyuiop=1", ["no parameter of that name"]),
+    ],
+)
+def test_an_override_that_sets_nothing_is_one_error_with_the_names_that_exist(override: str, names: list[str]) -> None:
+    found = [f for f in check("turtlebot", overrides=["planner_frequency=1.0", override]) if f.severity != "info"]
+    assert [(f.severity, f.rule, f.file) for f in found] == [("error", "override", "overrides[1]")]
+    for name in names:
+        assert name in found[0].message
+    with pytest.raises(ParameterError, match=r"overrides\[1\]: .* sets nothing"):
+        load_configuration(["turtlebot"], overrides=["planner_frequency=1.0", override])
+    if found[0].suggestion is not None:
+        again = f"{found[0].suggestion}=0.3"
+        assert not [f for f in check("turtlebot", overrides=[again]) if f.rule == "override"]
+
+
+def test_overrides_of_other_planners_and_of_former_names_are_no_errors() -> None:
+    for override in (
+        "TrajectoryPlannerROS/max_vel_x=0.3",
+        "amcl/max_particles=2000",
+        "DWAPlannerROS/max_trans_vel=0.3",
+    ):
+        assert not [f for f in check("turtlebot", overrides=[override]) if f.severity == "error"]
+
+
+@pytest.mark.parametrize(
+    "name", ["DWAPlanerROS", "dwa_local_planner", "TrajectoryPlannerROS", "FollowPath", "my_planner"]
+)
+def test_a_section_of_the_planner_under_another_name_is_one_finding(name: str, tmp_path: Path) -> None:
+    """The content says what is meant; what the defaults cause that are in use instead is part of the finding."""
+    for file in Path("params/turtlebot").iterdir():
+        text = file.read_text(encoding="utf-8").replace("\nDWAPlannerROS:", f"\n{name}:")
+        (tmp_path / file.name).write_text(text, encoding="utf-8")
+    [found] = [f for f in check(str(tmp_path)) if f.severity != "info"]
+    assert (found.key, found.replacement) == (name, "DWAPlannerROS")
+    assert "Because of its defaults: DWAPlannerROS commands sideways velocities" in found.message
+
+
+def test_a_finding_about_a_default_says_so() -> None:
+    planner = {"base_local_planner": "dwa_local_planner/DWAPlannerROS", "DWAPlannerROS": {"max_vel_x": 0.3}}
+    [found] = [f for f in check(planner) if f.rule == "sideways-command"]
+    assert "(max_vel_y is not set, so this is about its default)" in found.message
+    planner["DWAPlannerROS"] = {"max_vel_y": 0.1}
+    kept = {"navstack": {"sim": {"kinematics": "differential"}}}
+    [found] = [f for f in check(planner, kept) if f.rule == "sideways-command"]
+    assert "default" not in found.message
+
+
+def test_parameters_of_an_unselected_planner_keep_their_section() -> None:
+    both = {"TrajectoryPlannerROS": {"pdist_scale": 0.6, "gdist_scale": 0.8, "acc_lim_x": 1.0, "max_vel_x": 0.3}}
+    found = check({"base_local_planner": "dwa_local_planner/DWAPlannerROS"}, both)
+    assert [f.rule for f in found if f.key == "TrajectoryPlannerROS"] == ["not-in-use"]
+
+
+def test_an_override_of_the_radius_below_a_footprint_is_an_error() -> None:
+    [error] = [f for f in check("jackal_dwa", overrides=["local_costmap/robot_radius=0.3"]) if f.severity == "error"]
+    assert "footprint" in error.message and "local_costmap/footprint=[]" in error.message
+    both = ["local_costmap/footprint=[]", "local_costmap/robot_radius=0.3"]
+    assert load_configuration(
+        ["jackal_dwa"], overrides=both
+    ).local_costmap.true_footprint.inscribed_radius == pytest.approx(0.3, abs=0.01)
 
 
 # --- the robots of the world ------------------------------------------------------------------------------------------

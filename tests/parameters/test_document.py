@@ -83,7 +83,7 @@ def test_every_value_has_its_origin() -> None:
         p.name: p for p in parameters_of(load_configuration(["turtlebot"], overrides=["DWAPlannerROS/sim_time=2"]))
     }
     assert found["DWAPlannerROS/max_vel_trans"].origin_text == "turtlebot/dwa_local_planner_params.yaml:10"
-    assert found["DWAPlannerROS/sim_time"].origin_text == "--set argument 1"
+    assert found["DWAPlannerROS/sim_time"].origin_text == "overrides[0]"
     assert found["DWAPlannerROS/twirling_scale"].origin_text == "default"
     assert found["global_costmap/plugins"].origin_text == "turtlebot/global_costmap_params.yaml:11"
     assert found["recovery_behaviors"].origin_text == "turtlebot/move_base_params.yaml:20"

@@ -127,8 +127,8 @@ def test_remappings_and_several_nodes_are_reported(tmp_path: Path) -> None:
         (NODE.format('<param name="a"/>'), "value"),
         (NODE.format('<param name="a" type="int" value="x"/>'), "type int"),
         (
-            NODE.format('<param name="a" value="$(eval 1+1)"/>'),
-            "a Python expression, $(eval 1+1), which is not evaluated",
+            NODE.format('<param name="a" value="$(eval open(1))"/>'),
+            "a value of <param>: $(eval open(1)) cannot be evaluated: the function `open` is not known here; write its value",
         ),
         (NODE.format('<param name="a" value="$(env NOT_SET_ANYWHERE)"/>'), "not set"),
         (NODE.format('<param name="a" value="1" if="maybe"/>'), "neither true nor false"),
@@ -186,20 +186,151 @@ def test_dirname_of_a_launch_file_given_by_a_relative_path(tmp_path: Path, monke
     assert tree("robot/launch/robot.launch") == {"x": 3}
 
 
-def test_an_expression_is_named_with_what_to_pass(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("1 + 1", 2),
+        ("arg('speed') * 2", 1.0),
+        ("speed > 0.4 and not slow", True),
+        ("arg('model') == 'waffle'", False),
+        ("model in ['burger', 'waffle']", True),
+        ("'fast' if speed &gt; 1 else 'slow_' + model.upper()", "slow_BURGER"),
+        ("round(sin(pi / 2), 3)", 1.0),
+        ("env('ROBOT_FRAME') + '_' + optenv('NOT_SET_ANYWHERE', 'x')", "base_x"),
+    ],
+)
+def test_expressions_are_evaluated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, expression: str, value: Any
+) -> None:
+    monkeypatch.setenv("ROBOT_FRAME", "base")
+    body = (
+        '<arg name="model" default="burger"/><arg name="speed" default="0.5"/><arg name="slow" default="false"/>'
+        + NODE.format(f'<param name="a" value="$(eval {expression})"/>')
+    )
+    assert tree(launch(tmp_path, body)) == {"a": value}
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "().__class__.__bases__",
+        "__import__('os').system('true')",
+        "[x for x in 'a']",
+        "9 ** 9 ** 9",
+        "2 ** 100000",
+        "'a' * 10 ** 9",
+        "(" * 300 + ")" * 300,
+        "lambda: 1",
+        "'%1000000d' % 1",
+        "1 / 0",
+        "absent",
+        "1 +",
+        "'a' + 1",
+        "1e999 // 1 % 0",
+        "int('9' * 2000)",
+    ],
+)
+def test_expressions_that_are_not_evaluated(tmp_path: Path, expression: str) -> None:
+    body = NODE.format(f'<param name="a" value="$(eval {expression})"/>')
+    [message] = errors(launch(tmp_path, body))
+    assert "cannot be evaluated" in message or "not supported" in message
+
+
+def test_an_expression_finds_a_package_and_names_what_to_pass(tmp_path: Path) -> None:
     expression = "$(eval find('my_robot') + '/param/' + arg('model') + '.yaml')"
-    (tmp_path / "a.yaml").write_text("x: 3\n")
-    path = launch(
-        tmp_path, f'<arg name="file" default="{expression}"/>' + NODE.format('<rosparam file="$(arg file)"/>')
-    )
+    package = tmp_path / "my_robot"
+    (package / "param").mkdir(parents=True)
+    (package / "param" / "burger.yaml").write_text("x: 3\n")
+    body = f'<arg name="model"/><arg name="file" default="{expression}"/>'
+    path = launch(package / "launch", body + NODE.format('<rosparam file="$(arg file)"/>'))
+    assert tree(path, "model:=burger") == {"x": 3}
     first, *_ = errors(path)
-    assert first == (
-        f"the default of the argument file is a Python expression, {expression}, which is not evaluated; add file:=VALUE after "
-        "the launch file"
+    assert first.startswith(f"the default of the argument file: {expression} cannot be evaluated: the argument model")
+    assert first.endswith("add model:=VALUE after the launch file")
+
+
+def package(folder: Path, name: str = "") -> Path:
+    """Make a package."""
+    folder.mkdir(parents=True)
+    (folder / "package.xml").write_text(f"<package><name>{name or folder.name}</name></package>")
+    return folder
+
+
+def config(folder: Path, value: int) -> None:
+    (folder / "config").mkdir(parents=True, exist_ok=True)
+    (folder / "config" / "costmap.yaml").write_text(f"x: {value}\n")
+
+
+def test_find_takes_no_namesake_of_another_package(tmp_path: Path) -> None:
+    """`folder/rest` near the launch file and `package/rest` of a folder that is no package are other files."""
+    repository = tmp_path / "youbot"
+    repository.mkdir()
+    (repository / "README.md").write_text("")
+    local = package(repository / "meta" / "youbot_local")
+    config(local, 1)
+    config(repository, 2)
+    config(repository / "meta", 3)
+    config(local / "youbot_common", 4)  # a folder of another package
+    path = launch(local / "launch", NODE.format('<rosparam file="$(find youbot_common)/config/costmap.yaml"/>'))
+    [message] = errors(path)
+    assert message.startswith(
+        "$(find youbot_common)/config/costmap.yaml was not found: the package youbot_common is not"
     )
-    assert tree(path, "file:=a.yaml") == {"x": 3}
-    [only] = errors(launch(tmp_path, NODE.format(f'<rosparam file="{expression}"/>'), "b.launch"))
-    assert "Python expression" in only and "FILE@NAMESPACE" in only
+    # by its manifest, whatever its folder is called; elsewhere in the repository
+    config(package(repository / "common" / "config_of_youbot", "youbot_common"), 5)
+    assert tree(path) == {"x": 5}
+    # packages of another robot that is stored next to this one are not its own
+    config(package(tmp_path / "other_robot" / "absent"), 7)
+    body = NODE.format('<rosparam file="$(find absent)/config/costmap.yaml"/>')
+    assert "absent is not here" in errors(launch(local / "launch", body, "b.launch"))[0]
+    # twice: neither is taken
+    config(package(repository / "common" / "copy", "youbot_common"), 6)
+    [message] = errors(path)
+    assert "exists twice" in message
+
+
+def test_a_package_of_that_name_without_the_file_is_an_error(tmp_path: Path) -> None:
+    local = package(tmp_path / "local")
+    config(local, 1)
+    package(tmp_path / "common")
+    path = launch(local / "launch", NODE.format('<rosparam file="$(find common)/config/costmap.yaml"/>'))
+    [message] = errors(path)
+    assert "has no config/costmap.yaml" in message
+
+
+def test_folders_without_manifest_are_packages_by_their_name_only(tmp_path: Path) -> None:
+    config(tmp_path / "robot" / "nav", 1)
+    config(tmp_path / "robot" / "other", 2)
+    body = NODE.format('<rosparam file="$(find {})/config/costmap.yaml"/>')
+    assert tree(launch(tmp_path / "robot/nav/launch", body.format("nav"))) == {"x": 1}
+    assert tree(launch(tmp_path / "robot/nav/launch", body.format("other"), "b.launch")) == {"x": 2}
+    assert "not here" in errors(launch(tmp_path / "robot/nav/launch", body.format("absent"), "c.launch"))[0]
+
+
+def test_an_export_stands_for_its_own_package_only(tmp_path: Path) -> None:
+    robot = tmp_path / "robot"
+    robot.mkdir()
+    (robot / "costmap.yaml").write_text("x: 1\n")
+    body = NODE.format('<rosparam file="$(find {})/config/costmap.yaml"/>')
+    assert tree(launch(robot / "_launch", body.format("nav"), "nav__launch__a.launch")) == {"x": 1}
+    assert tree(launch(robot / "_launch", body.format("nav"), "launch__a.launch")) == {"x": 1}
+    assert "not here" in errors(launch(robot / "_launch", body.format("common"), "nav__launch__b.launch"))[0]
+    two = body.format("nav") + '<include file="$(find common)/launch/x.launch"/>'
+    assert "not here" in errors(launch(robot / "_launch", two, "launch__b.launch"))[0]
+    # a folder of the path that exists was not left out by the export
+    (robot / "config").mkdir()
+    assert "not here" not in errors(launch(robot / "_launch", body.format("nav"), "nav__launch__c.launch"))[0]
+
+
+def test_xacro_command_lines_are_named_with_their_file(tmp_path: Path) -> None:
+    nav, description = package(tmp_path / "nav"), package(tmp_path / "description")
+    (description / "robot.urdf.xacro").write_text("<robot/>")
+    command = "$(find xacro)/xacro --inorder '$(find {})/robot.urdf.xacro' laser:=true"
+    for name, words in (("description", "the simulated sensors are taken from"), ("absent", "absent is not here")):
+        body = f'<param name="robot_description" command="{command.format(name)}"/>' + NODE.format("")
+        read = read_sources([launch(nav / "launch", body.replace("{}", name))])
+        [found] = [f for f in read.findings if "robot_description" in f.message]
+        assert found.severity == "info" and words in found.message
 
 
 def test_a_folder_that_only_its_launch_file_can_load(tmp_path: Path) -> None:

@@ -153,13 +153,13 @@ def test_overrides(tmp_path: Path) -> None:
     dwa = read.root.space("DWA")
     assert dwa is not None
     leaf = dwa.leaf("v")
-    assert leaf is not None and leaf.at.file == "--set argument 2" and str(leaf.at) == "--set argument 2"
+    assert leaf is not None and leaf.at.file == "overrides[1]" and str(leaf.at) == "overrides[1]"
 
 
 @pytest.mark.parametrize("text", ["nonsense", "=3", "a=[1", "a=!!python/name:os x", "///=1"])
 def test_overrides_that_cannot_be_read(text: str) -> None:
     found = read_sources([{}], ["a=1", text]).findings
-    assert [(f.severity, f.rule, f.file) for f in found] == [("error", "override", "--set argument 2")]
+    assert [(f.severity, f.rule, f.file) for f in found] == [("error", "override", "overrides[1]")]
 
 
 def test_value_and_namespace_of_one_name(tmp_path: Path) -> None:
