@@ -168,7 +168,7 @@ class RosScanLog(ScanLog):
         """The first map of the log. Raises LogError for one that is not valid."""
         if self.topics.map:
             for message in self._log.messages([self.topics.map]):
-                return ros.map_of(message.data)
+                return ros.map_of(message.data, self.topics.map, self._problem)
         return None
 
     def __iter__(self) -> Iterator[LoggedScan]:
