@@ -186,9 +186,7 @@ class MoveBaseNode:
         Until then nothing is published and no service is offered, so no client takes the node for ready; goals wait.
         """
         begin = time.perf_counter()
-        self._rospy.loginfo(
-            "loading the kernels, or compiling them once per machine; goals wait until navstack is ready"
-        )
+        self._rospy.loginfo("loading the kernels, or compiling them once per machine; goals that arrive now wait")
         compile_ahead(self.configuration.planner_names, self._log_compilation)
         size = 200
         grid = OccupancyGrid(np.zeros((size, size), np.int8), GridGeometry(size, size, 0.05, 0.0, 0.0), raw=True)
@@ -207,7 +205,7 @@ class MoveBaseNode:
     def _wait_for(self, missing: Any) -> bool:
         """Receive messages until nothing is missing."""
         while not ros.is_stopping():
-            self.inbox.run(POLL_S, self._report)
+            self.inbox.run(POLL_S, self._report, longest_s=math.inf)
             text = missing()
             if not text:
                 return True
@@ -243,7 +241,7 @@ class MoveBaseNode:
             if not self.start():
                 return
             assert self.move_base is not None
-            self.inbox.run(0.0, self._report)  # what arrived while the stack was built
+            self.inbox.run(0.0, self._report, longest_s=math.inf)  # what arrived while the stack was built
             while not ros.is_stopping():
                 self._turn(self.move_base)
         finally:

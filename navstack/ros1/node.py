@@ -128,8 +128,8 @@ class Inbox:
         """End the wait of `run`."""
         self.post(_nothing)
 
-    def run(self, timeout_s: float, report: Callable[[NavError], None]) -> float:
-        """Wait up to `timeout_s` (s, wall) for something to do, and do what waits then, for about `LONGEST_RUN_S` at most.
+    def run(self, timeout_s: float, report: Callable[[NavError], None], *, longest_s: float = LONGEST_RUN_S) -> float:
+        """Wait up to `timeout_s` (s, wall) for something to do, and do what waits then, for about `longest_s` at most.
 
         A NavError of a message goes to `report`. Returns the time (s) for which there was nothing to do.
         """
@@ -149,7 +149,7 @@ class Inbox:
                     del item.topic[item]
                     self._posts -= 1
             self._do(item, report)
-            if time.perf_counter() - woken > LONGEST_RUN_S:
+            if time.perf_counter() - woken > longest_s:
                 break
         return min(woken - begin, max(timeout_s, 0.0))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import sys
 from collections.abc import Sequence
@@ -147,7 +148,7 @@ def _value(name: str, default: Any) -> Any:
     value = ros.rospy().get_param(f"~{name}", default)
     if value != default and not any(word.startswith(f"_{name}:=") for word in sys.argv):
         full = str(ros.rospy().resolve_name(f"~{name}"))
-        ros.rospy().loginfo(
+        logging.getLogger(ros.LOGGER).info(
             "%s is %s, not the default %s: a launch file or an earlier start has set it; rosparam delete %s removes it",
             full,
             short_repr(value),

@@ -43,6 +43,8 @@ _flushed: Final = threading.Event()
 """Set when the last messages have left."""
 
 
+LOGGER: Final = "rosout"
+"""The logger of rospy."""
 LONGEST_LINE: Final = 2_000
 """Longest line of the log (characters)."""
 
@@ -59,7 +61,7 @@ def line_of(text: str) -> str:
 
 def escape_log() -> None:
     """Write what this node logs, on the terminal and on /rosout, by `line_of`."""
-    logging.getLogger("rosout").addFilter(_escape)
+    logging.getLogger(LOGGER).addFilter(_escape)
 
 
 def _escape(record: logging.LogRecord) -> bool:

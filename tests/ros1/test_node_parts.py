@@ -283,18 +283,19 @@ class _Server:
     loginfo = logwarn
 
 
-def test_a_value_that_is_left_over_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    server = _Server(monkeypatch, {"localization": False})
+def test_a_value_that_is_left_over_is_named(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    _Server(monkeypatch, {"localization": False})
+    caplog.set_level(logging.INFO, ros.LOGGER)
     monkeypatch.setattr("sys.argv", ["navstack"])
     assert not parameters.flag("localization", True)
-    assert server.log == [
+    assert caplog.messages == [
         (
             "/sim/localization is False, not the default True: a launch file or an earlier start has set it; rosparam delete "
             "/sim/localization removes it"
         )
     ]
     monkeypatch.setattr("sys.argv", ["navstack", "_localization:=false"])
-    assert not parameters.flag("localization", True) and parameters.flag("other", True) and len(server.log) == 1
+    assert not parameters.flag("localization", True) and parameters.flag("other", True) and len(caplog.messages) == 1
 
 
 FILE = {
