@@ -41,14 +41,14 @@ def info(log: LogFile, partial: Partial = False, json_: options.Json = False) ->
     """
     with open_log(log, partial=partial) as opened, reading_bar(opened, quiet=json_) as progress:
         found = log_info(opened, progress)
-        problem = opened.problem
+        problem, notes = opened.problem, opened.notes
     if json_:
         print_json({**found.as_dict(), "problem": None if problem is None else problem.message})
     else:
         _print_info(found)
+        for note in notes:
+            print_note(note)
         if problem is not None:
-            from navstack.cli.output import print_note
-
             print_note(problem.message)
     return 0
 

@@ -90,7 +90,12 @@ def parse_mountings(texts: list[str]) -> dict[str, tuple[float, ...]]:
 
 
 def drive_options(
-    topic: list[str], mount: list[str], *, reference: str | None = None, partial: bool = False
+    topic: list[str],
+    mount: list[str],
+    *,
+    reference: str | None = None,
+    partial: bool = False,
+    poses_suffice: bool = False,
 ) -> ScanLogOptions:
     """What the options say about reading a log. Raises InputError."""
     topics = parse_topics(topic)
@@ -99,7 +104,7 @@ def drive_options(
         raise InputError(f'--topic "{unknown[0]}": the names are scan, odom and map', argument="--topic")
     if reference is not None:
         topics["reference"] = reference
-    return ScanLogOptions(topics, parse_mountings(mount), partial=partial)
+    return ScanLogOptions(topics, parse_mountings(mount), partial=partial, poses_suffice=poses_suffice)
 
 
 def print_drive_notes(drive: ScanLog) -> None:
@@ -222,9 +227,10 @@ class ReplayInput(NamedTuple):
             return grid, path, []
         found = find_topics(log, configuration, topics)
         if self.map_ != "none":
-            grid = logged_map(log, found)
+            notes: list[str] = []
+            grid = logged_map(log, found, notes.append)
             if grid is not None:
-                return grid, None, []
+                return grid, None, notes
             raise LogError(
                 f"{log.path} has no map on /map; give one with --map FILE, or --map none for a free map around the robot"
             )

@@ -59,7 +59,7 @@ def from_log(
     for name, value in (("--resolution", resolution), ("--max-range", max_range)):
         if not 1e-3 <= value <= 1e3:
             raise InputError(f"{name} must be a length between 0.001 and 1000 m, not {value:g}", argument=name)
-    drive = open_scan_log(log, drive_options(topic, mount, reference=reference, partial=partial))
+    drive = open_scan_log(log, drive_options(topic, mount, reference=reference, partial=partial, poses_suffice=True))
     every, first = chosen_scans(scans)
     model = MappingModel(max_range=max_range, clear_without_return=clear)
     with loading_kernels(quiet=json_):

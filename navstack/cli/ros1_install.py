@@ -12,7 +12,7 @@ from navstack.cli.output import stdout
 from navstack.cli.ros1_nodes import NODE, NodeCommand
 from navstack.core import InputError, resolved
 from navstack.parameters import launch_argument
-from navstack.ros1 import advise
+from navstack.ros1 import Advice, advise
 
 
 def install(
@@ -46,16 +46,12 @@ def install(
     if extra:
         raise InputError(f"{' '.join(extra)} is neither an option nor an argument NAME:=VALUE of a launch file")
     arguments = dict(pair for text in context.args if (pair := launch_argument(text)) is not None)
-    advice = [(file, _advice(file, arguments)) for file in launch]
+    advice = [(file, advise(file, arguments)) for file in launch]
     if folder is not None:
         _install(folder, force=force, drop_in=drop_in)
     for file, lines in advice:
         _print_advice(file, lines, drop_in=drop_in)
     return 0
-
-
-def _advice(file: Path, arguments: dict[str, str]) -> list[str]:
-    return [str(item) for item in advise(file, arguments)]
 
 
 def _install(folder: Path, *, force: bool, drop_in: bool) -> None:
@@ -72,18 +68,20 @@ def _install(folder: Path, *, force: bool, drop_in: bool) -> None:
     )
 
 
-def _print_advice(file: Path, lines: list[str], *, drop_in: bool) -> None:
+def _print_advice(file: Path, advice: list[Advice], *, drop_in: bool) -> None:
     out = stdout()
-    for line in lines:
-        out.print(escape(line), soft_wrap=True, highlight=False)
-    if not lines:
+    for item in advice:
+        out.print(escape(str(item)), soft_wrap=True, highlight=False)
+    needs = sorted({package for item in advice for package in item.needs})
+    if not advice:
         out.print(escape(f"{file}: no node of it has to change"), soft_wrap=True)
-    elif drop_in and any(" -> pkg=" in line for line in lines):
+    elif drop_in and any(item.after for item in advice):
+        also = f", and {' and '.join(needs)}," if needs else ","
         out.print(
-            "With the packages of these names on ROS_PACKAGE_PATH, the file can also stay as it is.",
+            f"With the packages of these names on ROS_PACKAGE_PATH{also} the file can also stay as it is.",
             soft_wrap=True,
         )
-    if lines:
+    if advice:
         out.print(escape(f"navstack check {file}    # what navstack reads of its parameters"), soft_wrap=True)
 
 

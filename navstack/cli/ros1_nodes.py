@@ -72,6 +72,7 @@ def start_node(name: str, context: typer.Context, *, own_time: bool = False) -> 
         simulated._is_use_simtime = lambda: False
     rospy.init_node(name, argv=list(sys.argv), disable_signals=True)
     ros.flush_at_shutdown()
+    ros.escape_log()
     if other:
         rospy.logwarn(
             "a node named %s was running (%s); ROS has shut it down, and this one takes its place: start one of them only, or "

@@ -179,6 +179,8 @@ class ChunkEntry:
     counts: dict[int, int] = field(default_factory=dict[int, int])
     size: int = -1
     """Bytes of a chunk that is cut off; -1 if it is complete."""
+    limit: int = -1
+    """Where the next chunk of the index begins; -1 without an index. Two entries for the same bytes would multiply them."""
 
 
 @dataclass(slots=True)
@@ -238,6 +240,11 @@ def _indexed(file: BinaryIO, size: int, index_at: int, connections: int, chunks:
         if at >= index_at:
             raise BagFormatError("the entry of a chunk points beyond the chunks", record.offset)
         layout.chunks.append(ChunkEntry(at, record.time_ns(b"start_time"), record.time_ns(b"end_time"), counts))
+    in_order = sorted(layout.chunks, key=lambda chunk: chunk.offset)
+    for chunk, limit in zip(in_order, [*(after.offset for after in in_order[1:]), index_at], strict=True):
+        if chunk.offset == limit:
+            raise BagFormatError("two entries of it are for the same chunk", chunk.offset)
+        chunk.limit = limit
     return layout
 
 
@@ -348,6 +355,8 @@ def chunk_messages(file: BinaryIO, chunk: ChunkEntry, layout: BagLayout) -> Iter
     record = read_record(file, size)
     if record.op != CHUNK:
         raise BagFormatError("the index points to a record that is not a chunk", record.offset)
+    if 0 <= chunk.limit < record.data_at + record.data_size:
+        raise BagFormatError("the index points into a chunk", chunk.limit)
     content = decompress(file.read(record.data_size), record.text(b"compression"), record.u32(b"size"), record.offset)
     found = 0
     for message in parse_chunk(content, layout):

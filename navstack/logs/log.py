@@ -120,6 +120,8 @@ class Log:
         self.format = format
         """`ROS 1 bag`, `ROS 2 bag (sqlite3)`, `ROS 2 bag (mcap)` or `MCAP`."""
         self.is_ros1 = is_ros1
+        self.notes: list[str] = []
+        """What was chosen without being named."""
         self._source = source
         # a replay that is explained keeps its log open; the replay does not close it
         self._finalizer = weakref.finalize(self, source.close)

@@ -11,6 +11,7 @@ import io
 import struct
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -47,6 +48,8 @@ class _Entry:
     end: int = -1
     is_cut: bool = False
     """True for a chunk that the end of the file cuts off."""
+    limit: int = -1
+    """Where the next chunk of the summary begins; -1 for none. Two entries for the same bytes would multiply them."""
 
 
 class _FormatError(Exception):
@@ -157,6 +160,12 @@ class _McapFile:
             )
             for index in summary.chunk_indexes
         ]
+        in_order = sorted(self._entries, key=lambda entry: entry.offset)
+        for entry, after in pairwise(in_order):
+            entry.limit = after.offset
+            if entry.offset == after.offset:  # the bytes of a chunk would count several times
+                self._entries.clear()
+                return False
         return True
 
     def _scan(self) -> None:
@@ -273,6 +282,8 @@ class _McapFile:
                 op, length = _HEAD.unpack(self._file.read(9))
                 if op != CHUNK:
                     raise _FormatError("the index points to a record that is not a chunk", entry.offset)
+                if 0 <= entry.limit < entry.offset + 9 + length:
+                    raise _FormatError("the index points into a chunk", entry.limit)
                 if entry.is_cut:
                     length = self._size - entry.offset - 9
                 content = self._chunk_content(entry.offset, length, cut=entry.is_cut)

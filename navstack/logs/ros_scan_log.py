@@ -51,7 +51,7 @@ class ScanLogTopics:
     base: str = "base_link"
     """Frame of the base."""
     odom: str = "odom"
-    """Frame of the odometry."""
+    """Frame of the odometry; empty: the log has none, and the poses of the reference take its place."""
     reference: str = ""
     """Topic of poses of the base in the map; `tf`: the transform of `map_frame`."""
     map: str = ""
@@ -77,9 +77,53 @@ def find_scan_log_topics(log: Log, options: ScanLogOptions) -> ScanLogTopics:
     topics.transforms = finder.transforms()
     topics.exported = finder.sensor_fields()
     topics.map = finder.named("map", (ros.MAP,), ("/map",))
-    _find_odometry(log, finder, topics)
-    _find_reference(log, options.topics.get("reference", ""), topics)
+    reference = options.topics.get("reference", "")
+    try:
+        _find_odometry(log, finder, topics)
+    except LogError as exc:
+        if not options.poses_suffice or "/odom" in finder.chosen:
+            raise
+        topics.odom = ""
+        _find_base(log, topics)
+        _find_reference(log, reference or _only_poses(log), topics)
+        if not topics.reference:
+            raise LogError(
+                f"{exc.message}; nor poses of the robot: give a topic with --reference TOPIC", path=str(log.path)
+            ) from exc
+        where = "/tf" if topics.reference == "tf" else topics.reference
+        topics.notes.append(f"the log has no odometry; the poses of {where} are used")
+        return topics
+    _find_reference(log, reference, topics)
     return topics
+
+
+def _find_base(log: Log, topics: ScanLogTopics) -> None:
+    """Find the base of a robot without odometry, and the frame in which its pose is known, from the frame of its scans up."""
+    parents = first_parents(log, ("/tf_static", "/tf"))
+    moving = first_parents(log, ("/tf",))
+    frame = next((ros.frame_of(message.data) for message in log.messages([topics.scan])), topics.base)
+    chain = [frame]
+    while chain[-1] in parents and parents[chain[-1]] not in chain:
+        chain.append(parents[chain[-1]])
+    named = [base for base in ("base_footprint", "base_link") if base in chain]
+    moved = [base for base in chain if base in moving]
+    truth = first_odometry(log, TRUTH, Clock(log.start_ns)) if log.has(TRUTH) else None
+    if truth is not None and truth.child in chain:
+        topics.base = truth.child
+    elif named or len(chain) > 1:
+        topics.base = (named or moved or chain[-1:])[0]
+    if chain[-1] not in (topics.base, frame):
+        topics.map_frame = chain[-1]
+
+
+def _only_poses(log: Log) -> str:
+    """Return the only topic of poses of the robot; empty if there is none, or a choice."""
+    found = [
+        topic for topic in log.topics_of(ros.POSE, POSE_WITH_COVARIANCE) if not topic.endswith(("goal", "initialpose"))
+    ]
+    if log.has(TRUTH) or len(found) != 1:
+        return ""
+    return found[0]
 
 
 def _find_odometry(log: Log, finder: TopicFinder, topics: ScanLogTopics) -> None:
@@ -156,7 +200,7 @@ class RosScanLog(ScanLog):
         self.topics: ScanLogTopics = find_scan_log_topics(self._log, self.options)
         self._clock = _clock_of(self._log, self.topics.scan)
         self._static: list[StampedTransform] | None = None
-        self.notes += self.topics.notes
+        self.notes += [*self._log.notes, *self.topics.notes]
 
     @property
     def epoch(self) -> float:
@@ -168,7 +212,7 @@ class RosScanLog(ScanLog):
         """The first map of the log. Raises LogError for one that is not valid."""
         if self.topics.map:
             for message in self._log.messages([self.topics.map]):
-                return ros.map_of(message.data)
+                return ros.map_of(message.data, self.topics.map, self._problem)
         return None
 
     def __iter__(self) -> Iterator[LoggedScan]:
@@ -251,10 +295,10 @@ class _Reader:
         while self._waiting:
             stamp, data = self._waiting[0]
             late = now - stamp > WAIT_S
-            odometry = self._lookup(stamp, TOLERANCE_S if late else 0.0)
+            reference = self._reference(stamp)
+            odometry = self._lookup(stamp, TOLERANCE_S if late else 0.0) if self._topics.odom else reference
             if odometry is None and not late:
                 return
-            reference = self._reference(stamp)
             if reference is None and self._topics.reference and not late:
                 return
             self._waiting.popleft()

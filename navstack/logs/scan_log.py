@@ -35,6 +35,8 @@ class ScanLogOptions:
     end: float | None = None
     partial: bool = False
     """Read what can be read of a damaged bag."""
+    poses_suffice: bool = False
+    """In a log without odometry the poses of the reference take its place: enough for a map, nothing to localize with."""
 
 
 class ScanLog(ABC):

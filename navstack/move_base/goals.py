@@ -335,6 +335,8 @@ class GoalHandle:
 
 STATUS_LIST_TIMEOUT_S = 5.0
 """Default of actionlib's status_list_timeout."""
+MOST_ENDED: Final = 100
+"""Goals that have ended and are still on the status list: it is published at each change of a status."""
 
 
 class SimpleActionServer:
@@ -475,12 +477,16 @@ class SimpleActionServer:
         self._end(ServerCall.SET_CANCELED, now, text, result)
 
     def prune(self, now: float) -> None:
-        """Remove goals from the status list that ended more than `status_list_timeout_s` before `now` (s)."""
+        """Remove goals from the status list that ended more than `status_list_timeout_s` before `now` (s).
+
+        ROS differs: at most `MOST_ENDED` of those that have ended stay, so that a flood of goals costs what each of them costs.
+        """
         if len(self._handles) < 2 and not self._canceled_before_sent:
             return
         old = now - self.status_list_timeout_s
-        for handle in [h for h in self._handles.values() if h.ended_at is not None and h.ended_at < old]:
-            if handle is not self.current:
+        ended = [h for h in self._handles.values() if h.ended_at is not None and h is not self.current]
+        for index, handle in enumerate(ended):
+            if (handle.ended_at or 0.0) < old or index < len(ended) - MOST_ENDED:
                 del self._handles[handle.id]
         for goal_id in [i for i, t in self._canceled_before_sent.items() if t < old]:
             del self._canceled_before_sent[goal_id]

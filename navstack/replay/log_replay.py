@@ -153,7 +153,7 @@ class LogReplay:
             configuration, navstack=configuration.navstack.model_copy(update={"stall_timeout": 0.0})
         )
         self.topics: Topics = find_topics(log, configuration, options.topics)
-        self.notes = list(self.topics.notes)
+        self.notes = [*log.notes, *self.topics.notes]
         clock, note = find_clock(log, self.topics)
         if note:
             self.notes.append(note)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from statistics import median
@@ -354,12 +354,13 @@ def _lidar(sim: SimParams, topic: str, frame: str) -> Any:
 def place_robot(log: Log, player: Player, configuration: Configuration, initial_pose: Pose2D | None) -> list[str]:
     """Connect the map to the odometry if the log does not; return notes.
 
-    Raises LogError for an initial pose in a log with a localization.
+    Without messages of the odometry its transform in /tf says where the robot is. Raises LogError for an initial pose in a log
+    with a localization.
     """
     map_frame = configuration.global_costmap.params.global_frame
     moving = first_parents(log, ("/tf",))
     parents = {**player.frames.parents, **moving}
-    root = configuration.local_costmap.params.robot_base_frame
+    base = root = configuration.local_costmap.params.robot_base_frame
     seen: set[str] = set()
     odometry = first_odometry(log, player.odometry_topic, player.clock) if player.odometry_topic else None
     if player.derives_odometry_frame and odometry is not None:
@@ -371,16 +372,18 @@ def place_robot(log: Log, player: Player, configuration: Configuration, initial_
         if initial_pose is not None:
             raise LogError(f'the log has a localization ("{map_frame}" is in its tf); leave --initial-pose out')
         return []
-    if odometry is None:
-        return [
+    first = Transform2D(*odometry.pose) if odometry is not None else _first_in_tf(log, player, root, base)
+    if first is None and initial_pose is None:
+        text = (
             f'the log has neither odometry nor a transform from "{root}" to "{map_frame}": the robot\'s pose is unknown'
-        ]
+        )
+        return [f"{text}; if it stands, give the pose with --initial-pose x,y,yaw"]
     offset = Transform2D()
     if initial_pose is not None:
-        offset = Transform2D(*initial_pose) @ Transform2D(*odometry.pose).inverse()
+        offset = Transform2D(*initial_pose) @ (first or Transform2D()).inverse()
     player.robot.frames.set_static(map_frame, root, offset)
     if initial_pose is not None:
-        return []
+        return [] if first is not None else ["the log does not say how the robot moves: it stands at the initial pose"]
     note = (
         f'the log has no localization (no transform from "{root}" to "{map_frame}"): "{root}" is used as "{map_frame}"; give '
         "the robot's first pose in the map with --initial-pose x,y,yaw"
@@ -388,12 +391,32 @@ def place_robot(log: Log, player: Player, configuration: Configuration, initial_
     return [note]
 
 
-def logged_map(log: Log, topics: Topics) -> OccupancyGrid | None:
-    """Return the first map of a log; None if it has none. Raises LogError for one that is not valid."""
+def _first_in_tf(log: Log, player: Player, root: str, base: str) -> Transform2D | None:
+    """Return the first pose of the base in the root of its frames by /tf; None if it is not known."""
+    frames = FrameTree()
+    tree = TransformTree(frames)
+    for topic in ("/tf_static", "/tf"):
+        for message in (
+            log.messages([topic], end=None if topic == "/tf_static" else LOOK_AHEAD_S) if log.has(topic) else ()
+        ):
+            with suppress(LogError, FrameError):
+                found = ros.transforms_of(message.data, player.clock)
+                (tree.add_static if topic == "/tf_static" else tree.add)(found)
+            with suppress(FrameError):
+                if topic == "/tf" and root != base:
+                    return frames.lookup(root, base)
+    return None
+
+
+def logged_map(log: Log, topics: Topics, note: Callable[[str], None] | None = None) -> OccupancyGrid | None:
+    """Return the first map of a log; None if it has none. `note` gets what is unusual about it.
+
+    Raises LogError for a map that is not valid.
+    """
     if not topics.map:
         return None
     for message in log.messages([topics.map]):
-        return ros.map_of(message.data)
+        return ros.map_of(message.data, topics.map, note)
     return None
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from navstack.ros1.amcl_node import AmclNode as AmclNode
     from navstack.ros1.amcl_node import load_amcl as load_amcl
+    from navstack.ros1.launch_advice import Advice as Advice
     from navstack.ros1.launch_advice import advise as advise
     from navstack.ros1.live_record import RecordFolder as RecordFolder
     from navstack.ros1.localization_node import FakeLocalization as FakeLocalization

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from typing import Any, Final
 
-from navstack.core import Event, Pose2D
-from navstack.move_base import STATUS_LIST_TIMEOUT_S, GoalHandle, GoalStatus, MoveBase
+from navstack.core import Event, NavError, Pose2D
+from navstack.move_base import GOAL_REPLACED, STATUS_LIST_TIMEOUT_S, GoalHandle, GoalStatus, MoveBase
 from navstack.ros1 import ros
 from navstack.ros1.node import Inbox, NodeClock
 from navstack.ros_messages import MessageBuilder
@@ -14,6 +16,10 @@ STATUS_HZ: Final = 5.0
 """Default of actionlib_status_frequency (Hz)."""
 QUEUE: Final = 50
 """Default of the lengths of actionlib's queues."""
+MOST_KEPT: Final = 5_000
+"""Goals and cancels that wait for the node; beyond, the oldest ones are lost, as all beyond `QUEUE` are in roscpp."""
+MOST_STATUSES: Final = 10
+"""Changes of a status that are published at once in one turn of the loop; the rest share one message at its end."""
 LARGEST: Final = 1e6
 """Parameters of actionlib above are not valid."""
 
@@ -53,11 +59,21 @@ class ActionInterface:
         self._due = 0.0
         self._name = str(rospy.get_name())
         goal, cancel = ros.message("move_base_msgs/MoveBaseActionGoal"), ros.message("actionlib_msgs/GoalID")
-        self._goal_type = goal
+        self._goal_type, self._cancel_type = goal, cancel
+        self._inbox = inbox
+        self._lock = threading.Lock()
+        self._arrived: deque[Any] = deque(maxlen=MOST_KEPT)
+        """Goals and cancels, in the order in which they were sent: one queue holds both."""
+        self._is_posted = False
+        self._refused: deque[Any] = deque(maxlen=MOST_KEPT)
+        """Goals of a flood that newer ones have replaced before they were looked at; each gets its result."""
+        self._changes = 0
+        """Changes of a status since the last regular call of `publish`."""
         self._list_timeout_s = _positive(rospy, "move_base/status_list_timeout", STATUS_LIST_TIMEOUT_S)
         out, into = (
             int(_positive(rospy, f"move_base/actionlib_server_{way}_queue_size", QUEUE)) for way in ("pub", "sub")
         )
+        self._most_goals = max(into, 1)
         self._status = rospy.Publisher(
             "move_base/status", ros.message("actionlib_msgs/GoalStatusArray"), queue_size=out, latch=True
         )
@@ -68,16 +84,16 @@ class ActionInterface:
             "move_base/result", ros.message("move_base_msgs/MoveBaseActionResult"), queue_size=out
         )
         self._own_goals = rospy.Publisher("move_base/goal", goal, queue_size=1)
-        # goals and cancels arrive in the order in which they were sent, because one queue holds both
-        rospy.Subscriber("move_base/goal", goal, inbox.poster(self._on_goal), queue_size=into)
-        rospy.Subscriber("move_base/cancel", cancel, inbox.poster(self._on_cancel), queue_size=into)
+        rospy.Subscriber("move_base/goal", goal, self.receive, queue_size=into)
+        rospy.Subscriber("move_base/cancel", cancel, self.receive, queue_size=into)
         simple = ros.message("geometry_msgs/PoseStamped")
         rospy.Subscriber("move_base_simple/goal", simple, self._on_simple_goal, queue_size=1)
 
     def connect(self, move_base: MoveBase) -> None:
-        """Use this goal manager; before, goals are not accepted."""
+        """Use this goal manager; goals and cancels that have arrived before wait for it."""
         move_base.server.status_list_timeout_s = self._list_timeout_s
         self._move_base = move_base
+        self._inbox.post(self._take)
 
     # --- messages of clients ------------------------------------------------------------------------------------------
 
@@ -88,10 +104,65 @@ class ActionInterface:
         goal.goal.target_pose = message
         self._own_goals.publish(goal)
 
+    def receive(self, message: Any) -> None:
+        """Keep a goal or a cancel for the node. Called in the threads of rospy."""
+        with self._lock:
+            self._arrived.append(message)
+            is_posted, self._is_posted = self._is_posted, True
+        if not is_posted:
+            self._inbox.post(self._take)
+
+    def _take(self) -> None:
+        """Process what has arrived. Of more goals than the subscriber's queue holds only the newest ones are looked at."""
+        if self._move_base is None:
+            return
+        with self._lock:
+            batch = list(self._arrived)
+            self._arrived.clear()
+            self._is_posted = False
+        goals = [message for message in batch if not self._is_cancel(message)]
+        refused = goals[: max(0, len(goals) - self._most_goals)]
+        errors: list[NavError] = []
+        older = len(refused)
+        for message in batch:
+            try:
+                if self._is_cancel(message):
+                    self._on_cancel(message)
+                elif older > 0:
+                    older -= 1
+                else:
+                    self._on_goal(message)
+            except NavError as exc:
+                errors.append(exc)
+        self._refused.extend(refused)
+        if refused:
+            ros.rospy().logwarn(
+                "%d goals at once: the newest %d are looked at, the others are recalled", len(goals), self._most_goals
+            )
+        if errors:
+            raise errors[0]
+
+    def _is_cancel(self, message: Any) -> bool:
+        return isinstance(message, self._cancel_type)
+
+    def _refuse(self, now: float) -> None:
+        """Send the results of some of the goals that were not looked at."""
+        move_base = self._move_base
+        for _ in range(min(len(self._refused), self._most_goals)):
+            message = self._refused.popleft()
+            # an id that the server knows has a result of its own
+            if move_base is None or move_base.server.find(str(message.goal_id.id)) is not None:
+                continue
+            result = ros.message("move_base_msgs/MoveBaseActionResult")()
+            result.header.stamp = self._stamp(now)
+            result.status = ros.message("actionlib_msgs/GoalStatus")(
+                goal_id=message.goal_id, status=int(GoalStatus.RECALLED), text=GOAL_REPLACED
+            )
+            self._result.publish(result)
+
     def _on_goal(self, message: Any) -> None:
         move_base = self._move_base
-        if move_base is None:
-            return
+        assert move_base is not None
         target = message.goal.target_pose
         stamp = message.goal_id.stamp
         now = self._clock.now()
@@ -113,8 +184,7 @@ class ActionInterface:
 
     def _on_cancel(self, message: Any) -> None:
         move_base = self._move_base
-        if move_base is None:
-            return
+        assert move_base is not None
         name, stamp = str(message.id), message.stamp
         if not name and stamp.is_zero():
             move_base.cancel_all_goals()
@@ -141,12 +211,18 @@ class ActionInterface:
         handle = move_base.server.find(str(event.data["id"]))
         if handle is not None and handle.is_done:
             self._publish_result(handle, now)
-        self._publish_status(move_base.server.statuses(), now)
+        self._changes += 1
+        if self._changes <= MOST_STATUSES:
+            self._publish_status(move_base.server.statuses(), now)
 
     def publish(self, now: float) -> None:
-        """Publish the status at its frequency."""
+        """Publish the status at its frequency, and after many changes; and the results of goals that were not looked at."""
         move_base = self._move_base
-        if move_base is not None and (now >= self._due or now < self._due - 2.0 * self._period_s):
+        if self._refused:
+            self._refuse(now)
+        is_behind = self._changes > MOST_STATUSES
+        self._changes = 0
+        if move_base is not None and (is_behind or now >= self._due or now < self._due - 2.0 * self._period_s):
             self._due = now + self._period_s
             move_base.server.prune(now)
             self._publish_status(move_base.server.statuses(), now)

@@ -148,9 +148,12 @@ class AmclNode(LocalizationNode):
         self._diagnostics = rospy.Publisher(
             "/diagnostics", ros.message("diagnostic_msgs/DiagnosticArray"), queue_size=1
         )
-        rospy.Subscriber("scan", ros.message("sensor_msgs/LaserScan"), later(self._on_scan), queue_size=WAITING)
+        rospy.Subscriber(
+            "scan", ros.array_message("sensor_msgs/LaserScan"), later(self._on_scan, most=WAITING), queue_size=WAITING
+        )
         self.subscribe()
         self._server = ReconfigureServer("~", _parameters(params), self._present, self._apply, self.inbox)
+        self._map_source = str(rospy.resolve_name("map" if params.use_map_topic else "static_map"))
         if params.use_map_topic:
             rospy.Subscriber("map", ros.message("nav_msgs/OccupancyGrid"), later(self._on_map), queue_size=1)
         else:
@@ -179,7 +182,7 @@ class AmclNode(LocalizationNode):
             self._set_map(message)
 
     def _set_map(self, message: Any) -> None:
-        grid = msg.map_of(message)
+        grid = msg.map_of(message, self._map_source, self._rospy.logwarn)
         if grid.frame != self.map_frame:
             self._rospy.logwarn('the map is in "%s", and global_frame_id is "%s"', grid.frame, self.map_frame)
         self.filter.set_map(grid)

@@ -31,6 +31,10 @@ _LOCALIZATION: Final = (
     "this node"
 )
 _SIMULATOR: Final = f'this simulator can give way to pkg="{PACKAGE}" type="sim" args="MAP.yaml --clock" (or keep it)'
+XACRO: Final = (
+    "roslaunch needs the package xacro for it, which neither Debian nor navstack has: put it on ROS_PACKAGE_PATH, or remove "
+    "this line; navigation does not read the result"
+)
 NOTES: Final = {
     "stage_ros": _SIMULATOR,
     "gazebo_ros": _SIMULATOR,
@@ -55,6 +59,8 @@ class Advice:
     after: str
     """The same for navstack; empty for a note."""
     note: str = ""
+    needs: tuple[str, ...] = ()
+    """Packages of ROS that roslaunch needs for it, and that neither Debian nor navstack has."""
 
     def __str__(self) -> str:
         what = f"{self.before} -> {self.after}" if self.after else f"note: {self.before}"
@@ -97,6 +103,9 @@ class _Reader:
                 self._children(child, path, shown, passed, dict(arguments))
             elif child.tag == "node":
                 self._node(child, path, shown, arguments)
+                self._children(child, path, shown, passed, dict(arguments))
+            elif child.tag == "param":
+                self._command(child, path, shown, arguments)
             elif child.tag == "include":
                 self._include(child, path, shown, arguments)
 
@@ -117,6 +126,14 @@ class _Reader:
             self.read(file, str(file), inner)
         except RejectedLaunchFileError as exc:
             self.found.append(Advice(exc.at, "include", f'file="{text}"', "", exc.message))
+
+    def _command(self, element: Element, path: Path, shown: str, arguments: dict[str, str]) -> None:
+        """List a parameter that roslaunch makes by xacro, which is no package of Debian."""
+        command = _filled(element.attributes.get("command", ""), path, arguments)
+        if "xacro" in command:
+            at = Location(shown, element.line, element.column)
+            name = element.attributes.get("name", "?")
+            self.found.append(Advice(at, name, f'command="{command}"', "", XACRO, needs=("xacro",)))
 
     def _node(self, element: Element, path: Path, shown: str, arguments: dict[str, str]) -> None:
         package, kind = (_filled(element.attributes.get(key, ""), path, arguments) for key in ("pkg", "type"))

@@ -103,7 +103,7 @@ def receive_map(target: str, occupied: int, free: int) -> list[Path]:
     written: list[Path] = []
     while not ros.is_stopping() and not written:
         try:
-            grid = msg.map_of(arrived.get(timeout=0.1))
+            grid = msg.map_of(arrived.get(timeout=0.1), str(rospy.resolve_name("map")), rospy.logwarn)
         except queue.Empty:
             continue
         written = list(save_map(as_saved(grid, occupied, free), target))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import sys
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -34,6 +35,11 @@ POLL_S: Final = 0.1
 """Longest wait for messages (s, wall)."""
 QUIET_S: Final = 0.005
 """What can wait is published if no cycle is due within this time (s)."""
+MOST_TRANSFORMS: Final = 5_000
+"""Messages of /tf that wait for the loop."""
+MOST_ODOMETRY: Final = 10
+MOST_SENSOR_DATA: Final = 50
+"""Messages of a topic that wait for the loop; beyond, the oldest are dropped, as by the queue of costmap_2d."""
 MOST_CYCLES: Final = 2
 """Cycles whose publications wait: on a machine that is too slow, no time is quiet."""
 SWITCH_S: Final = 0.0005
@@ -80,18 +86,23 @@ class MoveBaseNode:
         if self._is_simulated:
             # every step of the clock wakes the node
             clock = ros.message("rosgraph_msgs/Clock")
-            rospy.Subscriber("/clock", clock, later(self._on_clock), queue_size=10, tcp_nodelay=True)
+            rospy.Subscriber("/clock", clock, later(self._on_clock, most=1), queue_size=10, tcp_nodelay=True)
         rospy.Subscriber("/tf_static", tf, later(robot.receive_transforms, static=True), queue_size=100)
-        rospy.Subscriber("/tf", tf, later(robot.receive_transforms, static=False), queue_size=100)
+        rospy.Subscriber("/tf", tf, later(robot.receive_transforms, static=False, most=MOST_TRANSFORMS), queue_size=100)
         odom = str(getattr(self.configuration.local_planner.params, "odom_topic", "odom"))
-        rospy.Subscriber(odom, odometry, later(robot.receive_odometry), queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber(
+            odom, odometry, later(robot.receive_odometry, most=MOST_ODOMETRY), queue_size=1, tcp_nodelay=True
+        )
         sensors = sensor_topics(self.configuration).values()
         self._topics = sorted(sensor.name for sensor in sensors)
         for sensor in sensors:
             kind, method = RECEIVERS[sensor.type]
-            receive = later(self._on_data, getattr(robot, method), sensor.name)
-            rospy.Subscriber(sensor.name, ros.message(kind), receive, queue_size=50, tcp_nodelay=True)
-        rospy.Subscriber(self._map_topic(), ros.message("nav_msgs/OccupancyGrid"), later(self._on_map), queue_size=1)
+            receive = later(self._on_data, getattr(robot, method), sensor.name, most=MOST_SENSOR_DATA)
+            message = ros.array_message(kind)
+            rospy.Subscriber(sensor.name, message, receive, queue_size=MOST_SENSOR_DATA, tcp_nodelay=True)
+        rospy.Subscriber(
+            self._map_topic(), ros.message("nav_msgs/OccupancyGrid"), later(self._on_map, most=1), queue_size=1
+        )
 
     def _on_clock(self, message: Any) -> None:
         """Nothing to do: the message has woken the node."""
@@ -113,7 +124,7 @@ class MoveBaseNode:
         return "map"
 
     def _on_map(self, message: Any) -> None:
-        grid = msg.map_of(message)
+        grid = msg.map_of(message, str(self._rospy.resolve_name(self._map_topic())), self._rospy.logwarn)
         self._map = grid
         move_base = self.move_base
         if move_base is None:
@@ -170,7 +181,12 @@ class MoveBaseNode:
         return True
 
     def _load_kernels(self) -> None:
-        """Compile or load the kernels by a second of simulated driving: the first cycle of the robot must not wait for that."""
+        """Compile or load the kernels by a second of simulated driving: the first cycle of the robot must not wait for that.
+
+        Until then nothing is published and no service is offered, so no client takes the node for ready; goals wait.
+        """
+        begin = time.perf_counter()
+        self._rospy.loginfo("loading the kernels, or compiling them once per machine; goals that arrive now wait")
         compile_ahead(self.configuration.planner_names, self._log_compilation)
         size = 200
         grid = OccupancyGrid(np.zeros((size, size), np.int8), GridGeometry(size, size, 0.05, 0.0, 0.0), raw=True)
@@ -178,7 +194,10 @@ class MoveBaseNode:
         try:
             warm_up(scenario)
         except NavError as exc:
-            self._rospy.logdebug("the kernels are compiled while driving: %s", exc.message)
+            self._rospy.logwarn(
+                "some kernels are compiled while driving, so the first cycles may be late: %s", exc.message
+            )
+        self._rospy.loginfo("the kernels are loaded after %.1f s", time.perf_counter() - begin)
 
     def _log_compilation(self, done: int, total: int) -> None:
         self._rospy.loginfo_throttle(5.0, "compiling kernels, once per machine: %d of %d", done, total)
@@ -186,7 +205,7 @@ class MoveBaseNode:
     def _wait_for(self, missing: Any) -> bool:
         """Receive messages until nothing is missing."""
         while not ros.is_stopping():
-            self.inbox.run(POLL_S, self._report)
+            self.inbox.run(POLL_S, self._report, longest_s=math.inf)
             text = missing()
             if not text:
                 return True
@@ -222,7 +241,7 @@ class MoveBaseNode:
             if not self.start():
                 return
             assert self.move_base is not None
-            self.inbox.run(0.0, self._report)  # what arrived while the stack was built
+            self.inbox.run(0.0, self._report, longest_s=math.inf)  # what arrived while the stack was built
             while not ros.is_stopping():
                 self._turn(self.move_base)
         finally:

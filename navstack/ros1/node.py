@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import bisect
 import math
-import queue
 import re
 import threading
 import time
 import xmlrpc.client
+from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
@@ -23,6 +23,8 @@ SERVICE_TIMEOUT_S: Final = 60.0
 """A service call that the node does not answer within this time (s, wall) fails."""
 MOST_MESSAGES: Final = 20_000
 """Messages that wait; beyond, the oldest are dropped: the node is blocked."""
+LONGEST_RUN_S: Final = 0.05
+"""Messages that still wait after this time (s, wall) wait for the next call: a cycle may be due."""
 
 Action = Callable[[], Any]
 
@@ -41,26 +43,64 @@ class _Call:
         self.error: BaseException | None = None
 
 
+class _Post:
+    """A message."""
+
+    __slots__ = ("action", "topic")
+
+    def __init__(self, action: Action, topic: OrderedDict[_Post, None]) -> None:
+        self.action = action
+        self.topic = topic
+        """The messages of its topic that wait, in order."""
+
+
 class Inbox:
-    """A queue: rospy's callbacks put, the node takes. Only the node's thread runs anything."""
+    """A queue: rospy's callbacks put, the node takes. Only the node's thread runs anything.
+
+    Each topic has a bound of its own, as a subscriber in roscpp: the oldest messages of a topic that floods the node are
+    dropped, and no others. Calls of services are not dropped.
+    """
 
     def __init__(self) -> None:
-        self._queue: queue.SimpleQueue[Action | _Call] = queue.SimpleQueue()
+        self._arrival = threading.Condition()
+        self._waiting: OrderedDict[_Post | _Call, None] = OrderedDict()
+        self._others: OrderedDict[_Post, None] = OrderedDict()
+        """Messages without a topic."""
+        self._posts = 0
         self.dropped = 0
         """Number of messages that were dropped."""
 
     def post(self, action: Action) -> None:
-        """Add something to do; returns at once."""
-        if self._queue.qsize() > MOST_MESSAGES:
-            self.dropped += 1
-            return
-        self._queue.put(action)
+        """Add something to do; returns at once. Beyond `MOST_MESSAGES` the oldest message is dropped."""
+        self._post(_Post(action, self._others), MOST_MESSAGES)
 
-    def poster(self, receive: Callable[..., Any], *arguments: Any, **named: Any) -> Callable[[Any], None]:
-        """Return a callback for a subscriber: it posts `receive(message, *arguments, **named)`."""
+    def _post(self, item: _Post, most: int) -> None:
+        with self._arrival:
+            if len(item.topic) >= most:
+                self._drop(next(iter(item.topic)))
+            elif self._posts >= MOST_MESSAGES:
+                self._drop(next(each for each in self._waiting if isinstance(each, _Post)))
+            item.topic[item] = None
+            self._waiting[item] = None
+            self._posts += 1
+            self._arrival.notify()
+
+    def _drop(self, item: _Post) -> None:
+        del item.topic[item], self._waiting[item]
+        self._posts -= 1
+        self.dropped += 1
+
+    def poster(
+        self, receive: Callable[..., Any], *arguments: Any, most: int = MOST_MESSAGES, **named: Any
+    ) -> Callable[[Any], None]:
+        """Return a callback for a subscriber: it posts `receive(message, *arguments, **named)`.
+
+        Of the messages of this callback at most `most` wait; beyond, its oldest are dropped.
+        """
+        topic: OrderedDict[_Post, None] = OrderedDict()
 
         def callback(message: Any) -> None:
-            self.post(lambda: receive(message, *arguments, **named))
+            self._post(_Post(lambda: receive(message, *arguments, **named), topic), most)
 
         return callback
 
@@ -75,7 +115,9 @@ class Inbox:
     def call(self, action: Action) -> Any:
         """Have the node run `action`, and return its result. Raises what it raises, TimeoutError after a minute."""
         call = _Call(action)
-        self._queue.put(call)
+        with self._arrival:
+            self._waiting[call] = None
+            self._arrival.notify()
         if not call.done.wait(SERVICE_TIMEOUT_S):
             raise TimeoutError(f"the node did not answer within {SERVICE_TIMEOUT_S:g} s")
         if call.error is not None:
@@ -86,28 +128,32 @@ class Inbox:
         """End the wait of `run`."""
         self.post(_nothing)
 
-    def run(self, timeout_s: float, report: Callable[[NavError], None]) -> float:
-        """Wait up to `timeout_s` (s, wall) for something to do, and do everything that waits.
+    def run(self, timeout_s: float, report: Callable[[NavError], None], *, longest_s: float = LONGEST_RUN_S) -> float:
+        """Wait up to `timeout_s` (s, wall) for something to do, and do what waits then, for about `longest_s` at most.
 
         A NavError of a message goes to `report`. Returns the time (s) for which there was nothing to do.
         """
         begin = time.perf_counter()
-        try:
-            item = self._queue.get(timeout=timeout_s) if timeout_s > 0.0 else self._queue.get_nowait()
-        except queue.Empty:
-            return max(timeout_s, 0.0)
-        idle = min(time.perf_counter() - begin, max(timeout_s, 0.0))
+        with self._arrival:
+            if not self._waiting and (timeout_s <= 0.0 or not self._arrival.wait(timeout_s)):
+                return max(timeout_s, 0.0)
+            count = len(self._waiting)
+        woken = time.perf_counter()
         # what arrives meanwhile waits for the next call: a flood of messages must not keep the cycle waiting
-        for _ in range(self._queue.qsize()):
+        for _ in range(count):
+            with self._arrival:
+                if not self._waiting:
+                    break
+                item, _ = self._waiting.popitem(last=False)
+                if isinstance(item, _Post):
+                    del item.topic[item]
+                    self._posts -= 1
             self._do(item, report)
-            try:
-                item = self._queue.get_nowait()
-            except queue.Empty:
-                return idle
-        self._do(item, report)
-        return idle
+            if time.perf_counter() - woken > longest_s:
+                break
+        return min(woken - begin, max(timeout_s, 0.0))
 
-    def _do(self, item: Action | _Call, report: Callable[[NavError], None]) -> None:
+    def _do(self, item: _Post | _Call, report: Callable[[NavError], None]) -> None:
         if isinstance(item, _Call):
             try:
                 item.result = item.action()
@@ -116,7 +162,7 @@ class Inbox:
             item.done.set()
             return
         try:
-            item()
+            item.action()
         except NavError as exc:
             report(exc)
 
@@ -327,13 +373,13 @@ class NodeLog:
         if event.kind == "recovery" and not cause:
             # as in C++: the beginning is a warning
             log = self._rospy.loginfo if text.endswith(_ENDS) else self._rospy.logwarn
-            log("%s", text)
+            log("%s", ros.line_of(text))
         elif text.startswith("Aborting"):
-            self._rospy.logerr("%s", text)
+            self._rospy.logerr("%s", ros.line_of(text))
         elif text.startswith(STOPPED):
             self._stop(text, cause)
         elif not cause:
-            self._rospy.logwarn("%s", text)
+            self._rospy.logwarn("%s", ros.line_of(text))
         else:
             line = text if cause in text else f"{text}: {cause}"
             self._add(cause, f"no command: {line}" if event.kind == "control_failed" else line)
@@ -348,12 +394,12 @@ class NodeLog:
             self._is_stopped = False
         now = time.monotonic()
         while self._waiting and now - self._waiting[0].time >= HOLD_S:
-            self._rospy.logwarn("%s", self._waiting.pop(0).line)
+            self._rospy.logwarn("%s", ros.line_of(self._waiting.pop(0).line))
 
     def finish(self) -> None:
         """Write everything that waits."""
         for problem in self._waiting:
-            self._rospy.logwarn("%s", problem.line)
+            self._rospy.logwarn("%s", ros.line_of(problem.line))
         self._waiting.clear()
 
     def _add(self, cause: str, line: str, *, is_message: bool = False) -> None:
@@ -366,7 +412,7 @@ class NodeLog:
         is_new = bool(self._waiting) or self._is_new(cause or text)
         self._waiting.clear()
         if not self._is_stopped and is_new:
-            self._rospy.logwarn("%s", text if reason in text else f"{text}: {reason}")
+            self._rospy.logwarn("%s", ros.line_of(text if reason in text else f"{text}: {reason}"))
         self._is_stopped = True
 
     def _is_new(self, cause: str) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import sys
 from collections.abc import Sequence
 from typing import Any, Final, cast
 
@@ -25,7 +27,10 @@ NOT_OURS: Final = (
 """Parameters of the node's topics, not of the goal manager."""
 
 WRITTEN: Final = "navstack_written"
-"""Parameter `~` that shows a later start that the node has written its parameters to the server."""
+"""Parameter `~` that shows a later start that the node has written its parameters to the server.
+
+Its value lists the parameters that were read by a former name: [path, former name, current name, value] each.
+"""
 
 
 def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: str | None = None) -> Configuration:
@@ -41,7 +46,10 @@ def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: 
         found = rospy.search_param(name)
         if name not in values and found is not None and not str(found).startswith(private):
             values[name] = rospy.get_param(found)
-    if values.pop(WRITTEN, False):
+    written = values.pop(WRITTEN, False)
+    if written:
+        overlaid = bool(sources or overrides)
+        _merge_renamed(values, written if isinstance(written, list) else [], overlaid=overlaid)
         rospy.logwarn(
             "the parameters in %s are those that an earlier start has left, with its defaults and changes; as in ROS they count "
             "as set: rosparam delete %s removes them",
@@ -53,6 +61,42 @@ def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: 
     node = to_node(values, Location(f"the parameter server, {private}"))
     assert isinstance(node, DictNode)
     return load_configuration([node, *sources], overrides=overrides, distro=distro)
+
+
+def renamed(configuration: Configuration) -> list[list[Any]]:
+    """Return the parameters that were read by a former name, as a list for `WRITTEN`."""
+    found: list[list[Any]] = []
+    for item in configuration.findings:
+        if item.rule == "renamed" and item.severity == "info":
+            path, _, old = item.key.rpartition("/")
+            space = _namespace(configuration.tree.as_dict(), path)
+            if space is not None and item.suggestion and old in space:
+                found.append([path, old, item.suggestion, space[old]])
+    return found
+
+
+def _merge_renamed(values: dict[str, Any], written: list[Any], *, overlaid: bool) -> None:
+    """Drop one of two names of a parameter: an earlier start has read the former name, and written the current one.
+
+    The former name counts where it has been set again since, and where it is not on the server: then it was that of a file,
+    which is read again if this start is `overlaid` by files. Both names of a parameter in a file are another matter: they are
+    reported.
+    """
+    for path, old, new, value in written:
+        space = _namespace(values, path)
+        if space is None or new not in space:
+            continue
+        if old in space:
+            del space[old if space[old] == value else new]
+        elif overlaid:
+            del space[new]
+
+
+def _namespace(tree: dict[str, Any], path: str) -> dict[str, Any] | None:
+    space: Any = tree
+    for name in path.split("/") if path else ():
+        space = space.get(name) if isinstance(space, dict) else None
+    return space if isinstance(space, dict) else None
 
 
 # --- private parameters (`~name`) of the helper nodes, checked --------------------------------------------------------
@@ -100,7 +144,18 @@ def flag(name: str, default: bool) -> bool:
 
 
 def _value(name: str, default: Any) -> Any:
-    return ros.rospy().get_param(f"~{name}", default)
+    """Return `~name`. A value that is on the server, but not on this command line, is named: it may be left over."""
+    value = ros.rospy().get_param(f"~{name}", default)
+    if value != default and not any(word.startswith(f"_{name}:=") for word in sys.argv):
+        full = str(ros.rospy().resolve_name(f"~{name}"))
+        logging.getLogger(ros.LOGGER).info(
+            "%s is %s, not the default %s: a launch file or an earlier start has set it; rosparam delete %s removes it",
+            full,
+            short_repr(value),
+            short_repr(default),
+            full,
+        )
+    return value
 
 
 def _error(name: str, value: Any, wanted: str) -> InputError:

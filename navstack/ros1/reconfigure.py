@@ -13,7 +13,7 @@ from navstack.move_base import MoveBase
 from navstack.parameters import Configuration, Parameter, load_configuration, parameters_of
 from navstack.ros1 import ros
 from navstack.ros1.node import Inbox
-from navstack.ros1.parameters import WRITTEN
+from navstack.ros1.parameters import WRITTEN, renamed
 
 LARGEST: Final = 1e9
 """Range of a number without one: clients draw a slider."""
@@ -49,7 +49,7 @@ class ReconfigureServers:
             for namespace, parameters in grouped.items()
             if namespace in wanted
         }
-        ros.rospy().set_param(f"~{WRITTEN}", True)
+        self._write_mark()
 
     def _server(self, namespace: str, parameters: list[Parameter], inbox: Inbox) -> ReconfigureServer:
         prefix = f"{namespace}/" if namespace else ""
@@ -87,7 +87,10 @@ class ReconfigureServers:
         """Publish every configuration and write it to the parameter server: it is that of a new master."""
         for server in self.servers.values():
             server.publish()
-        ros.rospy().set_param(f"~{WRITTEN}", True)
+        self._write_mark()
+
+    def _write_mark(self) -> None:
+        ros.rospy().set_param(f"~{WRITTEN}", renamed(self._first) or True)
 
     def value(self, name: str) -> Any:
         """Return the present value of a parameter by its full name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import sys
 import threading
 import time
@@ -10,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from navstack.core import NotSupportedError
+from navstack.core import NotSupportedError, shortened
 
 DEBIAN: Final = Path("/usr/lib/python3/dist-packages")
 """Debian's Python packages; appended to the search path, so that those of the virtual environment win."""
@@ -40,6 +41,32 @@ LONGEST_FLUSH_S: Final = 2.0
 """Longest wait for the last messages (s, wall)."""
 _flushed: Final = threading.Event()
 """Set when the last messages have left."""
+
+
+LOGGER: Final = "rosout"
+"""The logger of rospy."""
+LONGEST_LINE: Final = 2_000
+"""Longest line of the log (characters)."""
+
+
+def line_of(text: str) -> str:
+    """Return a text for the log, as one line: names in messages are those of other programs, and may hold anything.
+
+    A control character, such as the end of a line, is written as in a literal of Python.
+    """
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return shortened(text, LONGEST_LINE)
+
+
+def escape_log() -> None:
+    """Write what this node logs, on the terminal and on /rosout, by `line_of`."""
+    logging.getLogger(LOGGER).addFilter(_escape)
+
+
+def _escape(record: logging.LogRecord) -> bool:
+    record.msg, record.args = line_of(record.getMessage()), ()
+    return True
 
 
 def is_stopping() -> bool:
@@ -116,6 +143,11 @@ def message(name: str) -> Any:
         exec(generated_code(name), scope)
         _generated[name] = scope[short]
     return _generated[name]
+
+
+def array_message(name: str) -> Any:
+    """Return the class of a message whose arrays of numbers arrive as arrays of numpy, not as tuples of Python's numbers."""
+    return load("rospy.numpy_msg").numpy_msg(message(name))
 
 
 def generated_code(name: str) -> str:

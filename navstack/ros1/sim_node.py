@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from navstack.bringup import simulated_robot
 from navstack.core import InputError, LaserScan, NavError, PointCloud, Pose2D, Transform2D, Twist2D, clean_frame
+from navstack.parameters import load_configuration
 from navstack.ros1 import parameters, ros
 from navstack.ros1.localization_node import PoseTopics
 from navstack.ros1.map_nodes import MapTopics
@@ -169,10 +170,25 @@ STEP_S: Final = 0.02
 """Simulated time between two publications (s): odometry and tf at 50 Hz."""
 CMD_VEL_TIMEOUT_S: Final = 0.5
 """The robot stops without a command for this time (s), as diff_drive_controller."""
+IMUS: Final = ("imu",)
+"""Default of `~imus`."""
 START_NS: Final = 1_000_000_000
 """Time of the clock at the start (ns): never 0, which means that there is no time yet."""
 ODOMETRY_COVARIANCE: Final[list[float]] = np.diag((1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 0.03)).ravel().tolist()
 """Of the pose (m², rad²) and of the velocity (their rates): what the drivers of Clearpath's robots publish."""
+
+
+def _with_imus(scenario: Scenario) -> Scenario:
+    """Return the scenario with the IMUs of `~imus`; without it those of the parameters, or one named imu."""
+    configuration = scenario.configuration
+    present = configuration.navstack.sim.imus
+    wanted = parameters.texts("imus", present or list(IMUS))
+    if wanted == present:
+        return scenario
+    overlay = {"navstack": {"sim": {"imus": wanted}}}
+    distro = configuration.navstack.ros_distro
+    new = load_configuration([configuration.tree.as_dict(), overlay], distro=distro)
+    return dataclasses.replace(scenario, configuration=new)
 
 
 class SimNode:
@@ -186,7 +202,7 @@ class SimNode:
         Raises InputError for wrong parameters.
         """
         rospy = self._rospy = ros.rospy()
-        self.scenario = scenario
+        self.scenario = scenario = _with_imus(scenario)
         self.robot = simulated_robot(scenario.configuration, scenario.world(), scenario.start, seed=scenario.seed)
         # what exists now lives as long as the node: a search for garbage in it would stop the clock
         gc.collect()

@@ -223,7 +223,7 @@ def scan_of(
     sign = -1.0 if upside_down else 1.0
     exact = message if fields is None or not fields.agrees_with(message) else fields
     return LaserScan(
-        np.ascontiguousarray(message.ranges, np.float32),
+        np.require(message.ranges, np.float32, ["C", "W"]),
         sign * float(exact.angle_min),
         sign * float(exact.angle_increment),
         float(exact.range_min),
@@ -294,19 +294,29 @@ def points_of(message: Any) -> NDArray[np.float32]:
 
 
 @checked
-def map_of(message: Any) -> OccupancyGrid:
-    """Return a nav_msgs/OccupancyGrid. Raises LogError."""
+def map_of(message: Any, name: str = "map", note: Callable[[str], None] | None = None) -> OccupancyGrid:
+    """Return a nav_msgs/OccupancyGrid. Raises LogError.
+
+    An orientation of the origin that nobody has set, (0, 0, 0, 0), counts as no rotation: the nodes of ROS 1 do not read it.
+    `note` gets a sentence about it that names the map by `name`, its topic.
+    """
     info = message.info
     width, height, resolution = int(info.width), int(info.height), short_decimal(info.resolution)
     data = np.asarray(message.data, np.int8)
     if width * height != len(data) or not 0 < width * height <= LARGEST_GRID:
         raise LogError(f"a map of {width} x {height} cells has {len(data)} values")
-    origin = pose_of(info.origin)
-    try:
-        geometry = GridGeometry(width, height, resolution, origin.x, origin.y)
-        return OccupancyGrid(
-            data.reshape(height, width), geometry, origin.yaw, clean_frame(message.header.frame_id), raw=True
+    at, rotation = info.origin.position, info.origin.orientation
+    yaw = 0.0
+    if any((rotation.x, rotation.y, rotation.z, rotation.w)):
+        yaw = quaternion_of(rotation).yaw
+    elif note is not None:
+        note(
+            f"the map of {width} x {height} cells on {name} has the orientation (0, 0, 0, 0), which is no rotation; it is used "
+            "without a rotation, as in ROS: its publisher should set origin.orientation.w to 1"
         )
+    try:
+        geometry = GridGeometry(width, height, resolution, float(at.x), float(at.y))
+        return OccupancyGrid(data.reshape(height, width), geometry, yaw, clean_frame(message.header.frame_id), raw=True)
     except NavError as exc:
         raise LogError(f"a map is not valid: {exc.message}") from exc
 

@@ -36,13 +36,18 @@ def write_bag(
     tf: bool = True,
     truth: bool = True,
     localized: bool = False,
+    odometry: bool = True,
+    poses: str = "",
     static: bool = True,
     scan_topics: tuple[str, ...] = ("/scan",),
 ) -> Path:
-    """Scans every half second; the odometry comes between them, after the scans of its time; see `odometry_of`."""
+    """Scans every half second; the odometry comes between them, after the scans of its time; see `odometry_of`.
+
+    `poses`: where the true pose of the base in the map is besides, `tf` or a topic.
+    """
     target = open_writer(path)
     build = MessageBuilder(target.store, ros1=target.is_ros1)
-    odometry = odometry_of(truths, drift=drift)
+    odometry_poses = odometry_of(truths, drift=drift)
     with target as writer:
         mounted = build.transforms([(START_NS, "base_link", "laser", SENSOR, 0.2)])
         quaternion = mounted.transforms[0].transform.rotation
@@ -66,18 +71,31 @@ def write_bag(
             for topic in scan_topics:
                 writer.write(topic, "sensor_msgs/msg/LaserScan", stamp, build.scan(stamp, scan))
             # two poses of the odometry around the scan: the one at its stamp is halfway between them
-            for late_s, pose in ((-0.1, _before(odometry[i])), (0.1, _after(odometry[i]))):
+            for late_s, pose in ((-0.1, _before(odometry_poses[i])), (0.1, _after(odometry_poses[i]))):
                 now = stamp + round(late_s * 1e9)
                 sent = stamp + round(abs(late_s) * 1e9) + 1
                 if tf:
                     items = [(now, "odom", "base_link", pose, 0.0)]
                     if localized:
-                        items.append((now, "map", "odom", at @ odometry[i].inverse(), 0.0))
+                        items.append((now, "map", "odom", at @ odometry_poses[i].inverse(), 0.0))
                     writer.write("/tf", "tf2_msgs/msg/TFMessage", sent, build.transforms(items))
-                else:
+                elif odometry:
                     message = build.odometry(now, "odom", "base_link", Pose2D(*pose), Twist2D())
                     writer.write("/odom", "nav_msgs/msg/Odometry", sent, message)
-            if truth:
+            if poses == "tf":
+                items = [(stamp, "map", "base_link", at, 0.0)]
+                writer.write("/tf", "tf2_msgs/msg/TFMessage", stamp + 3, build.transforms(items))
+            elif poses == "/amcl_pose":
+                with_covariance = build.of(
+                    "geometry_msgs/msg/PoseWithCovariance", pose=build.pose(Pose2D(*at)), covariance=np.zeros(36)
+                )
+                message = build.of(
+                    "geometry_msgs/msg/PoseWithCovarianceStamped",
+                    header=build.header(stamp, "map"),
+                    pose=with_covariance,
+                )
+                writer.write(poses, "geometry_msgs/msg/PoseWithCovarianceStamped", stamp + 3, message)
+            if truth or poses == "/base_pose_ground_truth":
                 message = build.odometry(stamp, "map", "base_link", Pose2D(*at), Twist2D())
                 writer.write("/base_pose_ground_truth", "nav_msgs/msg/Odometry", stamp + 3, message)
     return path

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import bz2
 import re
+import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -213,3 +216,82 @@ def test_message_that_cannot_be_decoded_is_an_error_of_its_own(tmp_path: Path) -
             _ = first.data
         with pytest.raises(LogError, match="the definition of pkg/msg/Bad"):
             _ = second.data
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_a_folder_whose_metadata_names_another_file(storage: str, tmp_path: Path) -> None:
+    folder = write_rosbag2(tmp_path / "bag", storage)
+    with open_log(folder) as log:
+        before = [(m.topic, m.time_ns) for m in log.messages()]
+        assert not log.notes
+    (file,) = [file for file in folder.iterdir() if file.suffix in (".db3", ".mcap")]
+    renamed = file.rename(file.with_stem("renamed"))
+    with open_log(folder) as log:
+        assert [(m.topic, m.time_ns) for m in log.messages()] == before
+        assert log.notes == [
+            f"{folder / 'metadata.yaml'} names {file.name}, and the folder has {renamed.name}: that is read instead"
+        ]
+    renamed.with_stem("second").write_bytes(renamed.read_bytes())
+    with pytest.raises(LogError, match=r"has renamed\.\w+, second\.\w+: rename the files"):
+        open_log(folder)
+
+
+def _records(count: int, positions: Callable[[int], int]) -> bytes:
+    """Return a bag of one chunk whose index has `count` entries for it, at the positions."""
+
+    def record(fields: dict[str, bytes], data: bytes) -> bytes:
+        header = b"".join(
+            struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value
+            for name, value in fields.items()
+        )
+        return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
+
+    u32, stamp = (lambda value: struct.pack("<I", value)), struct.pack("<II", 10, 0)
+    definition = b"string data\n"
+    inner = b"".join(
+        struct.pack("<I", len(field)) + field
+        for field in (b"topic=/a", b"type=std_msgs/String", b"md5sum=" + b"0" * 32, b"message_definition=" + definition)
+    )
+    connection = record({"op": b"\x07", "conn": u32(0), "topic": b"/a"}, inner)
+    text = b"x" * 500_000
+    message = record({"op": b"\x02", "conn": u32(0), "time": stamp}, struct.pack("<I", len(text)) + text)
+    content = connection + message
+    chunk = record({"op": b"\x05", "compression": b"bz2", "size": u32(len(content))}, bz2.compress(content))
+    start = 13 + 4096
+    index_at = start + len(chunk)
+    header = {"op": b"\x03", "index_pos": struct.pack("<Q", index_at), "conn_count": u32(1), "chunk_count": u32(count)}
+    first = record(header, b"")
+    padding = 4096 - len(first)
+    first = record(header, b" " * padding)
+    infos = [
+        record(
+            {
+                "op": b"\x06",
+                "ver": u32(1),
+                "chunk_pos": struct.pack("<Q", positions(i) + start),
+                "start_time": stamp,
+                "end_time": stamp,
+                "count": u32(1),
+            },
+            u32(0) + u32(1),
+        )
+        for i in range(count)
+    ]
+    return b"#ROSBAG V2.0\n" + first + chunk + connection + b"".join(infos)
+
+
+def test_many_index_entries_for_one_chunk(tmp_path: Path) -> None:
+    """The chunk is read once; entries that point into it are refused."""
+    file = tmp_path / "many.bag"
+    file.write_bytes(_records(1, lambda i: 0))
+    with open_log(file) as log:
+        assert len(list(log.messages())) == 1
+    file.write_bytes(_records(3000, lambda i: 0))
+    with pytest.raises(LogError, match="has a damaged index: two entries of it are for the same chunk"):
+        open_log(file)
+    with open_log(file, partial=True) as log:
+        assert len(list(log.messages())) == 1
+    file.write_bytes(_records(2, lambda i: 5 * i))
+    with open_log(file) as log, pytest.raises(LogError, match="the index points into a chunk"):
+        list(log.messages())

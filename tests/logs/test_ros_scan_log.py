@@ -140,3 +140,27 @@ def test_the_commands_on_a_bag(
     for command, named in wrong:
         assert run(command) == 2, command
         assert named in " ".join(capsys.readouterr().err.split()), command
+
+
+@pytest.mark.parametrize("poses", ["tf", "/amcl_pose", "/base_pose_ground_truth"])
+def test_scans_and_poses_suffice_for_a_map(poses: str, truths: list[Transform2D], tmp_path: Path) -> None:
+    """A log without odometry: the pose of the base in the map by /tf, by a topic of a localization, by the truth."""
+    path = write_bag(tmp_path / "poses.bag", rooms(), truths, tf=False, truth=False, odometry=False, poses=poses)
+    suffices = ScanLogOptions(poses_suffice=True)
+    drive = open_scan_log(path, suffices)
+    frames = list(logged_scans(drive))
+    assert len(frames) >= len(truths) - 1 and not drive.problems
+    for frame in frames:
+        truth = truths[round(frame.scan.stamp / STEP_S)]
+        assert frame.reference is not None
+        assert tuple(frame.reference)[:2] == pytest.approx(tuple(truth)[:2], abs=1e-6)
+    where = "/tf" if poses == "tf" else poses
+    assert f"the log has no odometry; the poses of {where} are used" in drive.notes
+    with pytest.raises(LogError, match="has no odometry"):
+        open_scan_log(path)
+
+
+def test_scans_alone_do_not_suffice_for_a_map(truths: list[Transform2D], tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "scans.bag", rooms(), truths[:3], tf=False, truth=False, odometry=False)
+    with pytest.raises(LogError, match=r"has no odometry.*nor poses of the robot: give a topic with --reference TOPIC"):
+        open_scan_log(path, ScanLogOptions(poses_suffice=True))

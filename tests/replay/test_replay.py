@@ -41,6 +41,7 @@ class Maker:
         self.command = Twist2D(0.2, 0.0, 0.0)
         self.shift_ns = 0
         self.localized = True
+        self.odometry = True
         self._target = target
 
     def write(self, duration: float = 6.0) -> Path:
@@ -59,7 +60,8 @@ class Maker:
                 moved = build.transforms([(stamp, "odom", "base_footprint", Transform2D(x, 0.0, 0.0), 0.0)])
                 writer.write("/tf", kind, now, moved)
                 odometry = build.odometry(stamp, "odom", "base_footprint", Pose2D(x, 0.0), Twist2D(0.2))
-                writer.write("/odom", "nav_msgs/msg/Odometry", now, odometry)
+                if self.odometry:
+                    writer.write("/odom", "nav_msgs/msg/Odometry", now, odometry)
                 writer.write("/cmd_vel", "geometry_msgs/msg/Twist", now, build.twist(self.command))
                 if i % 2 == 0 and not self.silent[0] <= t <= self.silent[1]:
                     message = build.scan(stamp, _scan(x, self.scan_frame))
@@ -161,6 +163,22 @@ def test_without_localization_the_initial_pose_places_the_robot(make: Make) -> N
     assert record_of(placed).pose_at(0.0) == pytest.approx(Pose2D(5.0, 6.0, 0.5), abs=1e-9)
     with pytest.raises(LogError, match="leave --initial-pose out"):
         replayed(_localized(path), ReplayOptions(initial_pose=Pose2D(5.0, 6.0, 0.5)))
+
+
+@pytest.mark.slow
+def test_the_initial_pose_places_a_robot_whose_odometry_is_in_tf_only(make: Make) -> None:
+    maker = make()
+    maker.localized = maker.odometry = False
+    path = maker.write()
+    placed = replayed(path, ReplayOptions(initial_pose=Pose2D(5.0, 6.0, 0.5)))
+    assert record_of(placed).pose_at(0.0) == pytest.approx(Pose2D(5.0, 6.0, 0.5), abs=1e-9)
+    moved = record_of(placed).pose_at(5.0)
+    assert (moved.x, moved.y) == pytest.approx((5.0 + np.cos(0.5), 6.0 + np.sin(0.5)), abs=0.02)
+    with open_log(path) as log:
+        assert last_pose(log, CONFIGURATION, {}, Pose2D(5.0, 6.0, 0.5)).x == pytest.approx(
+            5.0 + 1.2 * np.cos(0.5), abs=1e-6
+        )
+    assert any("the log has no localization" in note for note in replayed(path).notes)
 
 
 def _localized(path: Path) -> Path:
