@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from navstack.cli.app import run as command
 from navstack.core import UnknownPluginError
 from navstack.plugins import BUILTIN, GLOBAL_PLANNERS, REGISTRIES, Plugin, Registry, normalize
 
@@ -58,6 +59,38 @@ def test_plugins_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
     things: Registry[object] = Registry("thing", "g")
     assert things.get("theirs").cls is Other
     assert things.get("theirs").origin == "entry point"
+
+
+def test_entry_points_of_unknown_groups_are_reported(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    points = [
+        EntryPoint("swirl", "nowhere:Swirl", "navstack.global_planer"),
+        EntryPoint("glow", "nowhere:Glow", "navstack.foo"),
+        EntryPoint("other", "nowhere:Other", "elsewhere.foo"),
+    ]
+    monkeypatch.setattr("navstack.plugins.registry._entry_points", lambda: EntryPoints(points))
+    with pytest.raises(UnknownPluginError, match=r'group "navstack.global_planer" is unknown; did you mean') as caught:
+        GLOBAL_PLANNERS.get("swirl")
+    assert "glow" not in str(caught.value)
+    assert command(["info"]) == 0
+    printed = capfd.readouterr()
+    text = " ".join((printed.out + printed.err).split())
+    assert 'the entry point "swirl" has no effect' in text
+    assert 'its group "navstack.foo" is unknown; the groups are navstack.layers, ' in text
+    assert "elsewhere" not in text
+
+
+def test_contracts_without_pytest_say_what_to_install() -> None:
+    program = (
+        "import sys; sys.modules['pytest'] = None\n"
+        "from navstack.core import InputError\n"
+        "try:\n    from navstack.testing import critic_contract\n"
+        "except InputError as error:\n    print(error, error.__suppress_context__)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    assert done.stdout.startswith("navstack.testing needs pytest, which is not installed; install the extra `test`: ")
+    assert done.stdout.rstrip().endswith("True")
 
 
 @pytest.mark.slow

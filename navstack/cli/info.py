@@ -12,12 +12,12 @@ from rich.table import Table
 
 from navstack import __version__
 from navstack.cli import options
-from navstack.cli.output import print_files, print_json, stdout
+from navstack.cli.output import print_files, print_json, print_note, stdout
 from navstack.core import OutputError
 from navstack.map_io import map_names
 from navstack.parameters import packaged_sets
 from navstack.plot import FORMATS
-from navstack.plugins import REGISTRIES
+from navstack.plugins import REGISTRIES, unknown_groups
 from navstack.scenario import shipped_scenarios, suite_names
 
 _DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic", "pillow", "pyyaml", "typer", "rich")
@@ -34,6 +34,7 @@ def collect() -> dict[str, Any]:
     return {
         "versions": _versions(),
         "plugins": plugins,
+        "entry_points_without_effect": [text for _, text in unknown_groups()],
         "maps": list(map_names()),
         "parameters": packaged_sets(),
         "scenarios": list(shipped_scenarios()),
@@ -91,6 +92,8 @@ def _print(found: dict[str, Any]) -> None:
             names = "\n".join([*entry["aliases"], *foreign])
             table.add_row(f"  {entry['name']}", names, end_section=i == len(entries) - 1)
     out.print(table)
+    for text in found["entry_points_without_effect"]:
+        print_note(text)
     for what in ("maps", "parameters", "scenarios", "suites"):
         out.print(f"{'parameter sets' if what == 'parameters' else what}: {', '.join(found[what])}", markup=False)
 

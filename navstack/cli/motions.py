@@ -16,7 +16,7 @@ from navstack.cli import options
 from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
 from navstack.cli.explain.tracking import draw, print_tracking
 from navstack.cli.interrupts import interrupt_flag
-from navstack.cli.output import loading_kernels, print_json, print_note, print_warnings, stdout, titled_table
+from navstack.cli.output import loading_kernels, print_json, print_note, print_warnings, reason_of, stdout, titled_table
 from navstack.core import InputError, Pose2D, RecordError, ensure_directory, locked_folder, write_json, write_text
 from navstack.explain import explain_tracking
 from navstack.map_io import map_names
@@ -391,7 +391,7 @@ def print_steps(result: RunResult) -> None:
         )
     out.print(table)
     for goal in result.goals:
-        reason = goal.text if goal.succeeded else f"{goal.error_name} ({goal.error_code}): {goal.message}"
+        reason = goal.text if goal.succeeded else reason_of(goal)
         out.print(escape(reason))
     if result.collisions:
         out.print(f"[bold red]{result.collisions} collisions[/]")

@@ -134,11 +134,9 @@ def titled_table(title: str, *, left: Sequence[str] = (), right: Sequence[str] =
     return table
 
 
-def reason_of(goal: GoalOutcome, limit_s: float) -> str:
-    """Why a goal did not succeed; `limit_s` is the time limit of a goal in the scenario (s)."""
-    expired = goal.state == "PREEMPTED" and goal.time_s >= limit_s
-    limit = f"; time limit of {limit_s:g} s exceeded" if expired else ""
-    return f"{goal.error_name} ({goal.error_code}): {goal.message}{limit}"
+def reason_of(goal: GoalOutcome) -> str:
+    """Why a goal did not succeed. The status text of C++ says less than the message, so it is left out."""
+    return f"{goal.error_name} ({goal.error_code}): {goal.message}"
 
 
 def print_advice(result: RunResult) -> None:

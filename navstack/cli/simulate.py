@@ -76,7 +76,7 @@ def _simulate(
     if json_:
         print_json(document)
     else:
-        _print(result, files, scenario.time_limit_s)
+        _print(result, files)
     if interrupt():
         print_note("interrupted: the goal was canceled, and the record ends there")
         return interrupt.exit_code
@@ -109,10 +109,10 @@ def _run(
         return run_scenario(scenario, scans=scans, spool=folder, timings=timings, progress=progress, stop=interrupt)
 
 
-def _print(result: RunResult, files: dict[str, str], limit_s: float) -> None:
+def _print(result: RunResult, files: dict[str, str]) -> None:
     out = stdout()
     out.print(_goal_table(result))
-    _print_reasons(out, result, limit_s)
+    _print_reasons(out, result)
     m = result.metrics
     out.print(
         f"{m.length_m:.1f} m in {m.time_s:.1f} s; clearance: minimum {m.clearance_min_m:.2f} m, mean "
@@ -141,12 +141,11 @@ def _goal_table(result: RunResult) -> Any:
     return table
 
 
-def _print_reasons(out: Console, result: RunResult, limit_s: float) -> None:
+def _print_reasons(out: Console, result: RunResult) -> None:
     """Why goals failed, and which conditions the run met."""
     for goal in result.goals:
         if not goal.succeeded:
-            text = f"{goal.text} " if goal.text else ""
-            out.print(f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(text + reason_of(goal, limit_s))}")
+            out.print(f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(reason_of(goal))}")
     for warning in result.warnings:
         often = f" ({warning.count} times)" if warning.count > 1 else ""
         out.print(f"[yellow]warning[/] at {warning.time:.1f} s{often}: {escape(warning.text)}")

@@ -225,7 +225,7 @@ def _tour(scenario: Scenario, names: tuple[str, ...], folder: Path, interrupt: I
     if json_:
         print_json(document)
     else:
-        _print(result, files, scenario.time_limit_s)
+        _print(result, files)
     if result.interrupted:
         return interrupt.exit_code
     return 0 if result.succeeded else 1
@@ -236,7 +236,7 @@ def _drive(scenario: Scenario, names: tuple[str, ...], interrupt: Interrupt, *, 
 
     def print_outcome(name: str, outcome: GoalOutcome, state: TourState) -> None:
         if not quiet and verbosity() is not Verbosity.QUIET:
-            why = "" if outcome.succeeded else f", {reason_of(outcome, scenario.time_limit_s)}"
+            why = "" if outcome.succeeded else f", {reason_of(outcome)}"
             stderr().print(f"{name}: {outcome.state} after {outcome.time_s:.1f} s{why}; {state}", markup=False)
 
     with stderr().status("starting") as line:
@@ -253,7 +253,7 @@ def _drive(scenario: Scenario, names: tuple[str, ...], interrupt: Interrupt, *, 
         return drive_tour(scenario, names, on_goal=print_outcome, on_step=show, stop=interrupt)
 
 
-def _print(result: TourResult, files: dict[str, str], limit_s: float) -> None:
+def _print(result: TourResult, files: dict[str, str]) -> None:
     out = stdout()
     table = titled_table("tour", left=("place", "state"), right=("time", "driven", "recoveries"))
     for name, goal in zip(result.names, result.run.goals):
@@ -268,7 +268,7 @@ def _print(result: TourResult, files: dict[str, str], limit_s: float) -> None:
     out.print(table)
     for name, goal in zip(result.names, result.run.goals):
         if not goal.succeeded:
-            out.print(escape(f"{name}: {reason_of(goal, limit_s)}"))
+            out.print(escape(f"{name}: {reason_of(goal)}"))
     print_advice(result.run)
     out.print(_totals(result))
     print_files(files)

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from navstack.core.errors import InputError
 
-_EXTRAS: Final = {"aiohttp": "live", "rosbags": "bags", "lz4": "bags", "mcap": "mcap"}
+_EXTRAS: Final = {"aiohttp": "live", "rosbags": "bags", "lz4": "bags", "mcap": "mcap", "pytest": "test"}
 """Name of the extra that contains a module, if it is not `tune`."""
 _PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]"}
 """Name of the package, where it is not the first part of the module's name."""
@@ -20,7 +20,7 @@ def require(module: str, purpose: str) -> Any:
     """
     try:
         return importlib.import_module(module)
-    except ImportError as exc:
+    except ImportError:
         first = module.partition(".")[0]
         extra = _EXTRAS.get(first, "tune")
         package = _PACKAGES.get(module, first)
@@ -29,4 +29,4 @@ def require(module: str, purpose: str) -> Any:
             "clone of navstack",
             module=module,
             install=f"navstack[{extra}]",
-        ) from exc
+        ) from None

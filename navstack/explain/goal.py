@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Event, InputError, Pose2D, RecordError, angle_between
+from navstack.move_base import GoalTimeLimitError
 from navstack.record import Record, believed_poses
 
 TERMINAL = ("PREEMPTED", "SUCCEEDED", "ABORTED", "REJECTED", "RECALLED")
@@ -115,7 +116,7 @@ class GoalReport:
     velocity: NDArray[np.float64]
     """(n, 3) vx, vy (m/s), wz (rad/s) from odometry."""
     expired_limit_s: float | None = None
-    """Time limit of the run's goals (s) if the run canceled the goal because it had expired; None otherwise."""
+    """Time limit (s) if the goal ended because it had expired; None otherwise."""
 
     @property
     def duration(self) -> float:
@@ -584,7 +585,7 @@ def timeline_of(
 ) -> tuple[TimelineEntry, ...]:
     """Return all lines by time; `poses` (n, 3) are those of the goal's control cycles."""
     lines = [_sent(record, report)]
-    lines += _cancels(report, events)
+    lines += _cancels(events)
     lines += plan_lines(events)
     lines += failure_lines(record, events)
     lines += [_recovery(record, recovery) for recovery in report.recoveries]
@@ -615,11 +616,9 @@ def _sent(record: Record, report: GoalReport) -> TimelineEntry:
     return TimelineEntry(report.sent, report.sent, "goal", text)
 
 
-def _cancels(report: GoalReport, events: Iterable[Event]) -> list[TimelineEntry]:
+def _cancels(events: Iterable[Event]) -> list[TimelineEntry]:
     requests = [e for e in events if e.kind == "status" and e.data["status"] in ("PREEMPTING", "RECALLING")]
-    limit = report.expired_limit_s
-    text = "cancel requested" if limit is None else f"the time limit of {limit:g} s expired: the run ends the goal"
-    return [TimelineEntry(e.time, e.time, "cancel", text) for e in requests]
+    return [TimelineEntry(e.time, e.time, "cancel", "cancel requested") for e in requests]
 
 
 def _recovery(record: Record, recovery: RecoveryRun) -> TimelineEntry:
@@ -690,11 +689,12 @@ def _collisions(record: Record, report: GoalReport) -> list[TimelineEntry]:
 def _end(report: GoalReport) -> TimelineEntry:
     if not report.ended_in_record:
         return TimelineEntry(report.ended, report.ended, "end", f"the record ends while the goal is {report.status}")
+    if report.expired_limit_s is not None:
+        text = f"{report.status}: {report.error_name} ({report.error_code}): {report.message}"
+        return TimelineEntry(report.ended, report.ended, "end", text)
     text = report.status + (f': "{report.text}"' if report.text else "")
     if report.error_code and report.error_name not in ("CANCELED", "REPLACED"):
         text += f" Error {report.error_name} ({report.error_code}): {report.message}"
-    elif report.expired_limit_s is not None:
-        text += f" The time limit of {report.expired_limit_s:g} s was exceeded."
     elif report.message:
         text += f" {report.message}"
     return TimelineEntry(report.ended, report.ended, "end", text)
@@ -725,12 +725,14 @@ def explain_goal(record: Record, number: int, goal_id: str | None = None) -> Goa
     return reports[number - 1]
 
 
-def _expired_limit(record: Record, last: Event, duration: float) -> float | None:
-    """Return the time limit of the run's goals (s) if a goal that was canceled after `duration` (s) had exceeded it."""
-    limit = record.scenario.get("time_limit_s")
-    if last.data.get("error_name") != "CANCELED" or not isinstance(limit, (int, float)) or duration < limit:
+def _expired_limit(record: Record, last: Event) -> float | None:
+    """Return the time limit (s) of a goal that ended with GOAL_TIME_LIMIT: the run's, or `goal_time_limit` if lower."""
+    if last.data.get("error_name") != GoalTimeLimitError.name:
         return None
-    return float(limit)
+    parameters = record.scenario.get("parameters")
+    own = parameters.get("navstack") if isinstance(parameters, dict) else None
+    limits = [record.scenario.get("time_limit_s"), own.get("goal_time_limit") if isinstance(own, dict) else None]
+    return min((float(limit) for limit in limits if isinstance(limit, (int, float)) and limit > 0.0), default=math.nan)
 
 
 def _report(record: Record, number: int, goal_id: str) -> GoalReport:
@@ -766,7 +768,7 @@ def _report(record: Record, number: int, goal_id: str) -> GoalReport:
         distance=distance_to(record.poses[rows], pose),
         remaining=remaining_length(record, times, rows, {e.time for e in plans}),
         velocity=record.velocities[rows],
-        expired_limit_s=_expired_limit(record, last, ended - statuses[0].time),
+        expired_limit_s=_expired_limit(record, last),
     )
     poses = record.poses[rows]
     return replace(report, timeline=timeline_of(record, report, events, poses), summary=summary_of(report, poses))

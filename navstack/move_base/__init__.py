@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from navstack.move_base.control import SpeedLimiter as SpeedLimiter
     from navstack.move_base.errors import BusyError as BusyError
     from navstack.move_base.errors import GoalCanceledError as GoalCanceledError
+    from navstack.move_base.errors import GoalTimeLimitError as GoalTimeLimitError
     from navstack.move_base.errors import NoProgressError as NoProgressError
     from navstack.move_base.errors import StaleOdometryError as StaleOdometryError
     from navstack.move_base.errors import StaleSensorsError as StaleSensorsError

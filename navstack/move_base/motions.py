@@ -130,12 +130,12 @@ class MotionRunner:
             self._end(handle, now, end.error)
         return handle
 
-    def cancel(self) -> None:
-        """Stop the running motion and the robot."""
+    def cancel(self, error: NavError | None = None) -> None:
+        """Stop the running motion and the robot; `error`: why, if no client canceled it."""
         handle, now = self.running, self._output.tick.time
         if handle is not None:
             age = now - handle.sent_at
-            self._end(handle, now, GoalCanceledError(f"{handle.motion.name} was canceled after {age:.1f} s"))
+            self._end(handle, now, error or GoalCanceledError(f"{handle.motion.name} was canceled after {age:.1f} s"))
 
     def drive(self, twist: Twist2D) -> None:
         """Drive at a velocity that comes from outside (teleop) until the next command; a running motion is canceled.

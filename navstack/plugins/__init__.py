@@ -108,6 +108,7 @@ if TYPE_CHECKING:
     from navstack.plugins.registry import Plugin as Plugin
     from navstack.plugins.registry import Registry as Registry
     from navstack.plugins.registry import normalize as normalize
+    from navstack.plugins.registry import unknown_groups as unknown_groups
     from navstack.plugins.robot import Robot as Robot
     from navstack.plugins.rollouts import RolloutCells as RolloutCells
     from navstack.plugins.rollouts import Rollouts as Rollouts

@@ -119,8 +119,9 @@ class Registry(Generic[T]):
             known = [registered for registered, _ in self.names()]
             close = self.suggest(name)
             hint = f'did you mean "{close}"? ' if close else ""
+            elsewhere = "".join(f"; {text}" for point, text in unknown_groups() if point == normalize(name))
             raise UnknownPluginError(
-                f'unknown {self.kind} "{name}"; {hint}known: {", ".join(known) or "none"}',
+                f'unknown {self.kind} "{name}"; {hint}known: {", ".join(known) or "none"}{elsewhere}',
                 kind=self.kind,
                 plugin=name,
                 known=known,
@@ -166,6 +167,20 @@ class Registry(Generic[T]):
             cls: type[T] = point.load()
             origin = point.dist.name if point.dist else "entry point"
             self.add(point.name, cls, aliases=tuple(getattr(cls, "PLUGIN_ALIASES", ())), origin=origin)
+
+
+def unknown_groups() -> list[tuple[str, str]]:
+    """Return name and fault of each entry point in a group `navstack.*` that no registry reads: it has no effect."""
+    groups = [registry.group for registry in REGISTRIES]
+    foreign = sorted(group for group in _entry_points().groups if group.startswith("navstack.") and group not in groups)
+    found: list[tuple[str, str]] = []
+    for point in (p for group in foreign for p in _entry_points().select(group=group)):
+        close = difflib.get_close_matches(point.group, groups, n=1)
+        fix = f'did you mean "{close[0]}"?' if close else f"the groups are {', '.join(groups)}"
+        origin = f" of {point.dist.name}" if point.dist else ""
+        text = f'the entry point "{point.name}"{origin} has no effect: its group "{point.group}" is unknown; {fix}'
+        found.append((point.name, text))
+    return found
 
 
 LAYERS: Registry[Layer] = Registry("costmap layer", "navstack.layers")

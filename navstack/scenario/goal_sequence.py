@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from navstack.behaviors import Step, step_text
 from navstack.core import Pose2D, angle_between, jsonable
-from navstack.move_base import GoalHandle, MotionHandle, MoveBase
+from navstack.move_base import GoalHandle, GoalTimeLimitError, MotionHandle, MoveBase
 from navstack.plugins import Behavior
 from navstack.scenario.outcome import GoalOutcome, RunMeasurements
 from navstack.sim import SimulatedRobot
@@ -52,8 +52,10 @@ class GoalSequence:
         *,
         make_motion: Callable[[Step], Behavior],
         pause_s: float,
+        time_limit_s: float,
         stop_on_failure: bool,
     ) -> None:
+        """`time_limit_s` is that of a goal or motion: it is aborted then, as by `navstack/goal_time_limit`."""
         self.waiting: list[Pose2D | Step] = list(goals)
         self.loop = False
         """Append each goal again when it is sent."""
@@ -65,7 +67,7 @@ class GoalSequence:
         self._skipped = 0
         self._robot, self._measurements = robot, measurements
         self._make_motion = make_motion
-        self._pause_s, self._stop_on_failure = pause_s, stop_on_failure
+        self._pause_s, self._time_limit_s, self._stop_on_failure = pause_s, time_limit_s, stop_on_failure
 
     @property
     def last_index(self) -> int:
@@ -90,7 +92,8 @@ class GoalSequence:
         """Sends a goal, which replaces the one under way, or starts a motion."""
         at = (self._robot.time, self._measurements.path_length)
         if isinstance(goal, Pose2D):
-            sent = SentGoal(self._sent, goal, move_base.send_goal(goal), "", *at)
+            limit = min(self._time_limit_s, move_base.goal_time_limit_s)
+            sent = SentGoal(self._sent, goal, move_base.send_goal(goal, time_limit_s=limit), "", *at)
         else:
             sent = SentGoal(self._sent, None, move_base.motions.start(self._make_motion(goal)), step_text(goal), *at)
         self._sent += 1
@@ -116,11 +119,13 @@ class GoalSequence:
         self._skipped += len(self.waiting)
         self.waiting.clear()
 
-    def cancel_expired(self, move_base: MoveBase, limit_s: float) -> None:
-        """Cancels the goals that have been under way for longer than the limit (s)."""
+    def end_expired_motion(self, move_base: MoveBase) -> None:
+        """Aborts the running motion if it has been under way for longer than the time limit; goals have their own."""
+        limit = self._time_limit_s
         for sent in self.under_way:
-            if self._robot.time - sent.time > limit_s:
-                sent.cancel(move_base)
+            if sent.handle is move_base.motions.running and self._robot.time - sent.time > limit:
+                text = f"{sent.step} did not end within the time limit of {limit:g} s"
+                move_base.motions.cancel(GoalTimeLimitError(text, time_limit_s=limit))
 
     def _outcome(self, sent: SentGoal) -> GoalOutcome:
         robot, result = self._robot, sent.handle.result

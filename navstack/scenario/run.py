@@ -148,6 +148,7 @@ class Run:
             self._measurements,
             make_motion=self._make_motion,
             pause_s=scenario.pause_s,
+            time_limit_s=scenario.time_limit_s,
             stop_on_failure=scenario.stop_on_failure,
         )
         self.interventions = Interventions(
@@ -212,7 +213,7 @@ class Run:
             changed = self.interventions.world_changed
             names = self.interventions.names_of_solids() if changed else None
             record_tick(self.recorder, robot, move_base, self.goal_index, names)
-        goals.cancel_expired(move_base, self.scenario.time_limit_s)
+        goals.end_expired_motion(move_base)
         return True
 
     @property

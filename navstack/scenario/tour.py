@@ -34,13 +34,12 @@ class TourState:
         return self.succeeded / self.done if self.done else None
 
     def __str__(self) -> str:
-        rate = self.success_rate
-        percent = "" if rate is None else f" ({100.0 * rate:.0f} %)"
         what = "steps completed" if self.has_steps else "goals reached"
-        return (
-            f"{self.succeeded} of {self.done} {what}{percent}, {self.total - self.done} to go; "
-            f"{self.running_s:.1f} s, {self.distance_m:.1f} m"
-        )
+        failed, left = self.done - self.succeeded, self.total - self.done
+        parts = [f"{self.succeeded} of {self.total} {what}"]
+        parts += [f"{failed} failed"] if failed else []
+        parts += [f"{left} to go"] if left else []
+        return f"{', '.join(parts)}; {self.running_s:.1f} s, {self.distance_m:.1f} m"
 
 
 @dataclass(frozen=True, slots=True)

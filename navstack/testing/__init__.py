@@ -35,5 +35,8 @@ if TYPE_CHECKING:
     from navstack.testing.smoother import smoother_contract as smoother_contract
 else:
     from navstack._lazy import lazy_face
+    from navstack.core import require
+
+    require("pytest", "navstack.testing")
 
     __getattr__, __dir__, __all__ = lazy_face(__name__)

@@ -254,11 +254,14 @@ def test_goal_that_never_became_active() -> None:
 def test_an_expired_time_limit_is_not_called_a_cancel() -> None:
     far = replace(scenario(), goals=(Pose2D(0.0, 1.5, 1.5),), time_limit_s=2.0)
     (report,) = explain_goals(driven(far))
-    assert (report.status, report.expired_limit_s) == ("PREEMPTED", 2.0)
+    assert (report.status, report.expired_limit_s) == ("ABORTED", 2.0)
     assert report.summary.endswith("from the goal: time limit of 2 s exceeded")
     assert "cancel" not in report.summary
-    assert [line.text for line in of(report, "cancel")] == ["the time limit of 2 s expired: the run ends the goal"]
-    assert report.timeline[-1].text == "PREEMPTED The time limit of 2 s was exceeded."
+    assert (report.error_code, report.error_name) == (9016, "GOAL_TIME_LIMIT")
+    assert of(report, "cancel") == []
+    assert report.timeline[-1].text == (
+        "ABORTED: GOAL_TIME_LIMIT (9016): the goal was not reached within its time limit of 2 s"
+    )
     assert report.as_dict()["expired_limit_s"] == 2.0
     (canceled,) = explain_goals(driven(replace(far, time_limit_s=60.0), cancel_at=1.0))
     assert canceled.expired_limit_s is None

@@ -282,7 +282,7 @@ def test_a_pause_ends_despite_rounding(short: Path) -> None:
         while driven.step():
             cycles += 1
             assert cycles < 500
-        assert [outcome.state for outcome in driven.outcomes] == ["PREEMPTED", "PREEMPTED"]
+        assert [outcome.state for outcome in driven.outcomes] == ["ABORTED", "ABORTED"]
 
 
 def test_a_run_without_progress_of_time_is_an_error(short: Path) -> None:

@@ -222,9 +222,11 @@ def test_a_failed_step_ends_the_run_only_if_asked_to() -> None:
     assert len(run_scenario(scenario(*steps, stop_on_failure=True)).goals) == 1
 
 
-def test_a_step_that_takes_too_long_is_canceled() -> None:
+def test_a_step_that_takes_too_long_ends_with_the_time_limit() -> None:
     result = run_scenario(scenario({"wait": 100.0}, time_limit_s=1.0))
-    assert result.goals[0].state == "PREEMPTED"
+    outcome = result.goals[0]
+    assert (outcome.state, outcome.error_code, outcome.error_name) == ("ABORTED", 9016, "GOAL_TIME_LIMIT")
+    assert outcome.message == "wait 100 s did not end within the time limit of 1 s"
     assert result.simulated_s < 2.0
 
 

@@ -17,6 +17,7 @@ from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, drive_tour
 from navstack.scenario.places import load_places, visit_order
+from navstack.scenario.tour import TourState
 
 
 def file_of(tmp_path: Path, text: str) -> Path:
@@ -133,6 +134,19 @@ def test_a_tour_pauses_between_goals_and_reports_its_state() -> None:
     assert (document["success_rate"], document["left_out"]) == (1.0, [])
 
 
+@pytest.mark.parametrize(
+    ("total", "done", "succeeded", "text"),
+    [
+        (4, 1, 1, "1 of 4 goals reached, 3 to go; 9.0 s, 2.0 m"),
+        (3, 2, 1, "1 of 3 goals reached, 1 failed, 1 to go; 9.0 s, 2.0 m"),
+        (3, 3, 3, "3 of 3 goals reached; 9.0 s, 2.0 m"),
+        (2, 0, 0, "0 of 2 goals reached, 2 to go; 9.0 s, 2.0 m"),
+    ],
+)
+def test_the_state_of_a_tour_counts_all_its_goals(total: int, done: int, succeeded: int, text: str) -> None:
+    assert str(TourState(total, done, succeeded, 9.0, 2.0, None)) == text
+
+
 @pytest.mark.parametrize("stop", [False, True])
 def test_a_failure_ends_the_tour_only_with_stop_on_failure(stop: bool) -> None:
     result = drive_tour(scenario_of(WALL, NEAR, stop_on_failure=stop), ("wall", "near"))
@@ -142,9 +156,12 @@ def test_a_failure_ends_the_tour_only_with_stop_on_failure(stop: bool) -> None:
     assert not result.succeeded
 
 
-def test_a_goal_that_takes_too_long_is_canceled() -> None:
+def test_a_goal_that_takes_too_long_ends_with_its_time_limit() -> None:
     result = drive_tour(scenario_of(FAR, NEAR, time_limit_s=1.0), ("far", "near"))
-    assert result.run.goals[0].state == "PREEMPTED"
+    first = result.run.goals[0]
+    assert (first.state, first.error_code, first.error_name) == ("ABORTED", 9016, "GOAL_TIME_LIMIT")
+    assert first.message == "the goal was not reached within its time limit of 1 s"
+    assert "cancel" not in first.text + first.message
     assert result.run.goals[0].time_s == pytest.approx(1.2, abs=0.2)
     assert len(result.run.goals) == 2
 
