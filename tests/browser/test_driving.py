@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -259,3 +260,27 @@ collision_monitor:
     page.keyboard.up("i")
     assert value(page, "side.collisions") == 0
     assert value(page, "side.pose[1]") < 8.3  # the wall is at 8.4 m
+
+
+def test_the_page_shows_the_preparation_and_never_an_empty_list(live: Start, browser: Any, scenario: Load) -> None:
+    go_on, session = threading.Event(), Session(scenario(CORRIDOR), speed=20.0)
+
+    def prepare(report: Callable[[str, int, int], None]) -> Stage:
+        report("compiling kernels, once per machine", 12, 96)
+        go_on.wait(60.0)
+        return Stage([session], Options())
+
+    server = live(stage=Stage([session], Options()), prepare=prepare)
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(server.address)
+    progress = page.locator("#progress")
+    progress.get_by_text("12 of 96").wait_for()
+    assert "compiling kernels" in progress.inner_text()
+    page.click("#show-parameters")
+    assert "when the robot is ready" in page.locator("#parameter-list").inner_text()
+    go_on.set()
+    page.locator('[data-name="DWAPlannerROS/max_vel_x"]').wait_for(state="attached")
+    assert progress.is_hidden()
+    wait_until(page, "side.done")
+    context.close()
