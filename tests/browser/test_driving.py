@@ -284,3 +284,62 @@ def test_the_page_shows_the_preparation_and_never_an_empty_list(live: Start, bro
     assert progress.is_hidden()
     wait_until(page, "side.done")
     context.close()
+
+
+@pytest.mark.parametrize("keys", [("ArrowUp", "ArrowLeft"), ("w", "a")])
+def test_driving_by_arrow_keys_and_letters(live: Start, open_page: Open, keys: tuple[str, str]) -> None:
+    page = open_page(live(EMPTY, speed=1.0))
+    page.keyboard.press("t")
+    page.focus("#scene")
+    for key in keys:
+        page.keyboard.down(key)
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.1 && side.velocity[2] > 0.1")
+    page.keyboard.up(keys[0])
+    wait_until(page, "Math.abs(side.velocity[0]) < 0.02 && side.velocity[2] > 0.1")
+    page.keyboard.up(keys[1])
+    wait_until(page, "!side.by_hand")
+    assert value(page, "window.navstack.tools.cross") is None
+
+
+def test_driving_by_pad_on_a_phone(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, speed=1.0), size=(390, 844), has_touch=True, is_mobile=True)
+    assert page.locator("#pad").is_hidden()
+    page.tap("#tool-drive")
+    box = page.locator("#pad").bounding_box()
+    assert box["width"] >= 120
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = page.context.new_cdp_session(page)
+    for kind, points in (("touchStart", [(x, y)]), ("touchMove", [(x - 40, y - 60)])):
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": u, "y": v} for u, v in points]})
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.1 && side.velocity[2] > 0.1")
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    wait_until(page, "!side.by_hand && Math.abs(side.velocity[0]) < 0.02")
+    assert page.evaluate("() => document.documentElement.scrollWidth <= 390")
+
+
+def test_driving_by_game_pad(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, speed=1.0))
+    page.evaluate(
+        """() => { window.axes = [0, 0, 0, 0];
+        navigator.getGamepads = () => [{ connected: true, axes: window.axes, buttons: [] }]; }"""
+    )
+    page.keyboard.press("t")
+    page.evaluate("() => { window.axes = [-0.8, -1, 0, 0]; }")
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.1 && side.velocity[2] > 0.1")
+    page.evaluate("() => { window.axes = [0.02, 0.02, 0, 0]; }")  # within the dead zone
+    wait_until(page, "!side.by_hand")
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+def test_the_hint_is_beside_the_map_and_the_state_is_whole(live: Start, open_page: Open, size: tuple[int, int]) -> None:
+    page = open_page(live(EMPTY, paused=True), size=size)
+    before = page.locator("#scene").bounding_box()
+    for tool in ("goal", "pose", "drive"):
+        page.click(f"#tool-{tool}")
+        hint = page.locator("#hint").bounding_box()
+        assert page.locator("#hint").inner_text() and hint["y"] + hint["height"] <= before["y"]
+        assert page.locator("#scene").bounding_box() == before
+    state = page.evaluate(
+        "() => { const s = document.getElementById('state'); return [s.scrollWidth, s.clientWidth]; }"
+    )
+    assert page.locator("#state").inner_text() == "paused" and state[0] <= state[1]

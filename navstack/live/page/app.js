@@ -106,6 +106,8 @@ class App {
   texts(side, now) {
     const set = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
     set('hint', this.tools.hint());
+    $('hint').title = this.tools.hint();
+    this.teleop.update();
     const bar = this.camera.bar();
     const [line, label] = $('scale').children, length = bar.meters >= 1 ? `${bar.meters} m` : `${Math.round(bar.meters * 100)} cm`;
     line.style.width = `${bar.pixels}px`;
@@ -180,7 +182,14 @@ class App {
 
   zoom(factor) { this.camera.zoom(factor); this.changed(); }
 
-  fit() { this.follow = false; this.camera.fit(this.scene.extent, this.versus.two && this.versus.overlaid ? 130 : 0); this.followButton(); }
+  /** Shows the whole map above what covers the bottom: the table of two robots, the pad on a phone. */
+  fit() {
+    if (!this.scene.extent) return;
+    this.follow = false;
+    const pad = this.teleop.on && matchMedia('(max-width: 760px)').matches ? 190 : 0;
+    this.camera.fit(this.scene.extent, Math.max(pad, this.versus.two && this.versus.overlaid ? 130 : 0));
+    this.followButton();
+  }
 
   followButton() { $('follow').setAttribute('aria-pressed', String(this.follow)); this.changed(); }
 
