@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -16,7 +18,19 @@ from navstack.cli.output import loading_kernels, print_note, stdout
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import InputError, require
 from navstack.explain import replay
-from navstack.live import MAX_SPEED, Gate, LiveServer, LoggedSession, Options, Origin, Session, Stage, serve
+from navstack.live import (
+    COMPILING,
+    MAX_SPEED,
+    Gate,
+    LiveServer,
+    LoggedSession,
+    Options,
+    Origin,
+    Report,
+    Session,
+    Stage,
+    serve,
+)
 from navstack.map_io import map_names
 from navstack.parameters import short_name
 from navstack.record import Record
@@ -55,6 +69,8 @@ class LiveOptions(NamedTuple):
 def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
     """Watch a robot drive in the browser, and take part: goals, obstacles, parameters, driving by hand, why.
 
+    The robot begins to drive when the page is open. On first use kernels are compiled before; the page shows the progress.
+
     Opens a map, a scenario file or a recorded run (with a time line). Without arguments, a turtlebot drives through a packaged
     office. Needs the extra `live` (aiohttp).
 
@@ -62,39 +78,45 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
     """
     require("aiohttp", "navstack live")
 
-    sessions, fixed = _sessions(chosen, live)
-    if not isinstance(sessions[0], LoggedSession):  # which has run its first cycle
-        with loading_kernels(sessions[0].scenario.configuration.planner_names):
-            warm_up(sessions[0].scenario)
-    labels = ("",) if len(sessions) == 1 else tuple(_label(session) for session in sessions)
-    named = tuple(session.origin.sources for session in sessions)
-    stage = Stage(sessions, Options(live.save_to, fixed, labels, named))
-    return _serve(stage, live)
+    return _serve(_preparation(chosen, live), live)
 
 
-def _label(session: Session) -> str:
-    return ", ".join(short_name(name) for name in session.origin.sources) or "the scenario's parameters"
+def _label(origin: Origin) -> str:
+    return ", ".join(short_name(name) for name in origin.sources) or "the scenario's parameters"
 
 
-def _sessions(chosen: ScenarioOptions, live: LiveOptions) -> tuple[list[Session], bool]:
-    """The sessions, and True for a recorded run."""
+def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> Callable[[Report], Stage]:
+    """Reads the input; returns a function that compiles kernels and starts the sessions. Raises the errors of the input."""
     speed = _speed(live.speed)
     run = Path(chosen.map_)
     if run.suffix == ".npz" or run.joinpath("run.npz").is_file():
         if live.versus:
             raise InputError("--versus needs a scenario or a map, not a recorded run")
-        return [_recorded(run, speed)], True
-    scenario, origin = _open(chosen)
-    sessions = [Session(scenario, origin=origin, speed=speed)]
+        record = Record.load(run)
+
+        def recorded(report: Report) -> Stage:
+            with loading_kernels(progress=partial(report, COMPILING)):
+                return Stage([_recorded(record, speed)], Options(live.save_to, fixed=True, labels=("",)))
+
+        return recorded
+    opened = [_open(chosen)]
     if live.versus:
-        other, other_origin = _open(chosen._replace(params=live.versus))
-        sessions.append(Session(other, origin=other_origin, speed=speed))
-    return sessions, False
+        opened.append(_open(chosen._replace(params=live.versus)))
+    labels = ("",) if len(opened) == 1 else tuple(_label(origin) for _, origin in opened)
+    options = Options(live.save_to, labels=labels, named=tuple(origin.sources for _, origin in opened))
+
+    def prepare(report: Report) -> Stage:
+        for scenario, _ in opened:
+            with loading_kernels(scenario.configuration.planner_names, progress=partial(report, COMPILING)):
+                report("loading the kernels", 0, 0)
+                warm_up(scenario)
+        return Stage([Session(scenario, origin=origin, speed=speed) for scenario, origin in opened], options)
+
+    return prepare
 
 
-def _recorded(run: Path, speed: float | None) -> Session:
+def _recorded(record: Record, speed: float | None) -> Session:
     """A session of a recorded run, which is simulated or replayed again. Raises RecordError if that gives another run."""
-    record = Record.load(run)
     if is_of_log(record):
         return LoggedSession(record, speed=speed)
     replay(record)
@@ -131,11 +153,11 @@ def _speed(text: str) -> float | None:
     return value
 
 
-def _serve(stage: Any, live: LiveOptions) -> int:
+def _serve(prepare: Callable[[Report], Stage], live: LiveOptions) -> int:
     import asyncio
     import signal
 
-    server = LiveServer(stage, Gate(live.host), read_only=live.read_only)
+    server = LiveServer(prepare, Gate(live.host), read_only=live.read_only)
 
     async def main() -> None:
         stop = asyncio.Event()

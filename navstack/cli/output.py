@@ -156,14 +156,17 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def loading_kernels(uses: Sequence[str] = (), *, quiet: bool = False) -> Generator[None]:
+def loading_kernels(
+    uses: Sequence[str] = (), *, quiet: bool = False, progress: Callable[[int, int], None] | None = None
+) -> Generator[None]:
     """Compiles the kernels of these plugins ahead, and shows a status on stderr while kernels are loaded or compiled.
 
     Compilation is long, so it is also announced, by a note, with `quiet` or without a terminal.
+    `progress` is that of `compile_kernels`.
     """
     from navstack.core import compilation_reported
 
-    announced = compile_kernels(uses, quiet=quiet) > 0
+    announced = compile_kernels(uses, quiet=quiet, progress=progress) > 0
     status = None if quiet or _verbosity < Verbosity.NORMAL else stderr().status("loading the kernels")
 
     def announce() -> None:
@@ -176,10 +179,12 @@ def loading_kernels(uses: Sequence[str] = (), *, quiet: bool = False) -> Generat
         yield
 
 
-def compile_kernels(uses: Sequence[str] | None, *, quiet: bool = False) -> int:
+def compile_kernels(
+    uses: Sequence[str] | None, *, quiet: bool = False, progress: Callable[[int, int], None] | None = None
+) -> int:
     """Compiles the missing kernels of these uses (None: all) in parallel; shows a bar, or a note without a terminal.
 
-    Returns the number of specializations that were missing.
+    `progress(done, total)` is called as well. Returns the number of specializations that were missing.
     """
     from navstack.core import compile_ahead
 
@@ -194,6 +199,8 @@ def compile_kernels(uses: Sequence[str] | None, *, quiet: bool = False) -> int:
                 print_note(COMPILING)
                 update = _shows_nothing
             update(done, total)
+            if progress is not None:
+                progress(done, total)
 
         return compile_ahead(uses, show)
 

@@ -115,15 +115,15 @@ def imported_kernels() -> list[Kernel[..., Any]]:
 
 
 @contextmanager
-def compilation_reported(report: Callable[[], None]) -> Generator[None]:
-    """Call `report` in the block before the first kernel that is compiled because the cache does not contain it."""
+def compilation_reported(report: Callable[[], None], *, each: bool = False) -> Generator[None]:
+    """Call `report` in the block before the first kernel, or each, that is compiled because the cache does not contain it."""
     from numba.core import event
 
     class FirstCompilation(event.Listener):
         reported = False
 
         def on_start(self, event: Any) -> None:
-            if not self.reported:
+            if each or not self.reported:
                 self.reported = True
                 report()
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from navstack.live.server import serve as serve
     from navstack.live.session import MAX_SPEED as MAX_SPEED
     from navstack.live.session import Session as Session
+    from navstack.live.stage import COMPILING as COMPILING
     from navstack.live.stage import Options as Options
+    from navstack.live.stage import Report as Report
     from navstack.live.stage import Stage as Stage
     from navstack.live.stage import free_pose as free_pose
 else:

@@ -296,6 +296,18 @@ class Notice(Message):
     severity: Literal["info", "warning", "error"] = "info"
 
 
+class Progress(Message):
+    """What the server does while nothing moves; an empty text: it is done."""
+
+    type: Literal["progress"] = "progress"
+    text: str = ""
+    done: int = 0
+    total: int = 0
+    """0: unknown."""
+    seconds: float = 0.0
+    """Since when (s)."""
+
+
 def read_request(text: str | bytes) -> Any:
     """Returns the request in a JSON text. Raises InputError with the reason."""
     try:
@@ -322,6 +334,7 @@ def schema() -> dict[str, Any]:
         "request": _REQUEST.json_schema(),
         "answer": Answer.model_json_schema(),
         "notice": Notice.model_json_schema(),
+        "progress": Progress.model_json_schema(),
     }
 
 

@@ -1,4 +1,8 @@
-"""The web server of `navstack live`: a page, its schema, and a socket per page. Everything else is in the stage."""
+"""The web server of `navstack live`: a page, its schema, and a socket per page. Everything else is in the stage.
+
+The stage is touched by one thread only, that of the simulation. So the server answers, and pages hear why they wait, while
+kernels are compiled or a step takes long.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +15,19 @@ import json
 import secrets
 import socket
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from aiohttp import WSMsgType, web
 from aiohttp.typedefs import Handler
 
-from navstack.core import InputError, InternalError, NavError
+from navstack.core import InputError, InternalError, NavError, compilation_reported
 from navstack.live import messages
 from navstack.live.messages import Frame
-from navstack.live.stage import Stage, world_frame
+from navstack.live.stage import COMPILING, Report, Stage, world_frame
 from navstack.live.view import SessionView
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -130,25 +136,16 @@ TOO_MANY: Final = 2000
 class Client:
     """A page."""
 
-    def __init__(
-        self,
-        socket: web.WebSocketResponse,
-        stage: Stage,
-        *,
-        server: str,
-        read_only: bool,
-        carry_out: Callable[[Any], Awaitable[messages.Answer]],
-    ) -> None:
+    def __init__(self, socket: web.WebSocketResponse, server: LiveServer) -> None:
         self.wake = asyncio.Event()
         """Set when there may be something new to show."""
         self._socket = socket
-        self._stage = stage
-        self._server, self._read_only = server, read_only
-        self._carry_out = carry_out
-        self._views = [SessionView(session) for session in stage.sessions]
+        self._server = server
+        self._views: list[SessionView] = []
+        self._layers: frozenset[str] = frozenset()
         self._rate = 30.0
         self._sent = self._acknowledged = 0
-        self._greeted = False
+        self._greeted = self._shown = False
         self._refused = 0
 
     async def run(self) -> None:
@@ -175,9 +172,26 @@ class Client:
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await sender
 
-    async def notify(self, notice: messages.Notice) -> None:
-        """Show a notice on the page."""
-        await self._send(notice)
+    async def notify(self, message: messages.Notice | messages.Progress) -> None:
+        """Show a notice or the progress on the page."""
+        if self._greeted:
+            await self._send(message)
+
+    async def show(self, stage: Stage) -> None:
+        """Send the world of a stage that is prepared; frames follow."""
+        if not self._greeted or self._views:
+            return
+        self._views = [SessionView(session) for session in stage.sessions]
+        for view in self._views:
+            view.set_layers(self._layers)
+        server = self._server
+        frame = await server.in_simulation(
+            lambda: world_frame(stage, server=server.number, read_only=server.read_only).encode()
+        )
+        with contextlib.suppress(ConnectionError):
+            await self._socket.send_bytes(frame)
+        self._shown = True
+        self.wake.set()
 
     async def _handle(self, text: str, slow: set[asyncio.Task[None]]) -> None:
         try:
@@ -194,12 +208,14 @@ class Client:
             case _ if not self._greeted:
                 await self._refuse(InputError("the first message must be hello"), request.id)
             case messages.Layers():
-                self._rate = request.rate
+                self._rate, self._layers = request.rate, frozenset(request.layers)
                 for view in self._views:
-                    view.set_layers(frozenset(request.layers))
+                    view.set_layers(self._layers)
                 self.wake.set()
                 await self._send(messages.Answer(id=request.id, ok=True))
-            case _ if self._read_only and request.type not in messages.READ_ONLY:
+            case _ if not self._shown:
+                await self._refuse(InputError("the robot is not ready yet; wait until the page shows it"), request.id)
+            case _ if self._server.read_only and request.type not in messages.READ_ONLY:
                 await self._refuse(InputError("this page is read-only: it can look, but not take part"), request.id)
             case _ if Stage.is_slow(request):
                 if len(slow) >= 8:
@@ -213,7 +229,7 @@ class Client:
 
     async def _answer(self, request: Any) -> None:
         try:
-            answer = await self._carry_out(request)
+            answer = await self._server.carry_out(request)
         except NavError as error:
             await self._refuse(error, request.id)
             return
@@ -229,10 +245,8 @@ class Client:
                 request.id,
             )
             return
-        frame = world_frame(self._stage, server=self._server, read_only=self._read_only)
-        await self._socket.send_bytes(frame.encode())
         self._greeted = True
-        self.wake.set()
+        await self._server.greet(self)
         await self._send(messages.Answer(id=request.id, ok=True))
 
     async def _refuse(self, error: NavError, number: int = 0) -> None:
@@ -247,13 +261,13 @@ class Client:
         while True:
             await self.wake.wait()
             self.wake.clear()
-            if not self._greeted or self._sent - self._acknowledged >= UNACKNOWLEDGED:
+            if not self._shown or self._sent - self._acknowledged >= UNACKNOWLEDGED:
                 continue
             if all(view.is_current for view in self._views):
                 continue
             started = time.monotonic()
             try:
-                encoded = self._next_frame()
+                encoded = await self._server.in_simulation(self._next_frame)
             except Exception as error:  # frames are differences: without this one, the page needs all of it again
                 text = f"the page could not be sent ({type(error).__name__}: {error}); please report it"
                 await self.notify(messages.Notice(text=text[:500], severity="error"))
@@ -280,14 +294,35 @@ SLICE_S: Final = 1.0 / 60.0
 """Time between two advances of the session (s)."""
 BUDGET_S: Final = 0.020
 """Time that the session may simulate before messages are handled (s)."""
+PATIENCE_S: Final = 0.5
+"""Pages are told what the simulation does if it takes longer (s)."""
+TOLD_EVERY_S: Final = 0.25
 TYPES: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 
-class LiveServer:
-    """Serves one stage to any number of pages."""
+T = TypeVar("T")
 
-    def __init__(self, stage: Stage, gate: Gate, *, read_only: bool = False) -> None:
-        self.stage = stage
+
+class _EndedError(Exception):
+    """The server ends: what the simulation's thread does is of no use any more."""
+
+
+class LiveServer:
+    """Serves one stage to any number of pages. Time begins when the first page is there."""
+
+    def __init__(self, stage: Stage | Callable[[Report], Stage], gate: Gate, *, read_only: bool = False) -> None:
+        """`stage` may be a function that prepares it: it is called when the server runs, and pages show its progress."""
+        self.stage = stage if isinstance(stage, Stage) else None
+        """None while it is prepared."""
+        self._prepare = stage
+        self.failed: asyncio.Event = asyncio.Event()
+        """Set when the stage could not be prepared."""
+        self.failure: BaseException | None = None
+        self._watched = asyncio.Event()
+        self._simulation = ThreadPoolExecutor(1, thread_name_prefix="simulation")
+        self._since: float | None = None
+        self._doing = ("", 0, 0)
+        self._ending = False
         self.gate = gate
         self.read_only = read_only
         self.number = secrets.token_hex(8)
@@ -308,12 +343,14 @@ class LiveServer:
 
     async def carry_out(self, request: Any) -> messages.Answer:
         """Carries out a request. Raises NavError."""
+        stage = self.stage
+        assert stage is not None  # a client asks after it has been shown
         try:
-            if self.stage.is_slow(request):
-                prepared = self.stage.prepare_slow(request)
+            if stage.is_slow(request):
+                prepared = await self.in_simulation(lambda: stage.prepare_slow(request))
                 async with self._slow:
                     return await asyncio.to_thread(prepared)
-            answer = self.stage.request(request)
+            answer = await self.in_simulation(lambda: stage.request(request))
         except NavError:
             raise
         except ValueError as error:
@@ -329,23 +366,94 @@ class LiveServer:
         for client in self._clients:
             client.wake.set()
 
+    async def greet(self, client: Client) -> None:
+        """Shows a new page what there is to see: the world, or how far its preparation is."""
+        if self.stage is None:
+            await client.notify(self._progress())
+        else:
+            await client.show(self.stage)
+        self._watched.set()
+
+    async def in_simulation(self, action: Callable[[], T]) -> T:
+        """Calls a function in the simulation's thread, between two steps, and returns its result."""
+        return await asyncio.get_running_loop().run_in_executor(self._simulation, self._noted, action)
+
+    def _noted(self, action: Callable[[], T]) -> T:
+        """Notes when an action began and whether it compiles, for `_tell`."""
+        self._since = time.monotonic()
+        try:
+            with compilation_reported(lambda: self._report(COMPILING, 0, 0), each=True):
+                return action()
+        finally:
+            self._since, self._doing = None, ("", 0, 0)
+
+    def _report(self, text: str, done: int, total: int) -> None:
+        if self._ending:
+            raise _EndedError
+        if total or not self._doing[2]:  # a bar stays a bar
+            self._doing = text, done, total
+
     async def _driving(self, app: web.Application) -> AsyncIterator[None]:
         del app
-        task = asyncio.create_task(self._drive())
+        tasks = [asyncio.create_task(self._drive()), asyncio.create_task(self._tell())]
         yield
-        task.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await task
+        self._ending = True
+        for task in tasks:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+        self._simulation.shutdown(wait=False, cancel_futures=True)
+
+    async def _tell(self) -> None:
+        """Tells all pages what the simulation does when it takes long, and when that is over."""
+        told = False
+        while True:
+            await asyncio.sleep(TOLD_EVERY_S)
+            since = self._since
+            late = self.stage is None or (since is not None and time.monotonic() - since > PATIENCE_S)
+            if late or told:
+                told = late
+                progress = self._progress() if late else messages.Progress()
+                for client in list(self._clients):
+                    await client.notify(progress)
+
+    def _progress(self) -> messages.Progress:
+        since, (text, done, total) = self._since, self._doing
+        seconds = 0.0 if since is None else time.monotonic() - since
+        return messages.Progress(text=text or "simulating", done=done, total=total, seconds=round(seconds, 1))
+
+    async def _prepared(self) -> Stage | None:
+        """Returns the stage, prepared; None if that failed."""
+        prepare = self._prepare
+        if isinstance(prepare, Stage):
+            return prepare
+        try:
+            self.stage = await self.in_simulation(lambda: prepare(self._report))
+        except Exception as error:
+            self.failure = error
+            text = error.message if isinstance(error, NavError) else f"{type(error).__name__}: {_first_line(error)}"
+            for client in list(self._clients):
+                await client.notify(messages.Notice(text=f"the session cannot begin: {text}", severity="error"))
+            self.failed.set()
+            return None
+        for client in list(self._clients):
+            await client.show(self.stage)
+        return self.stage
 
     async def _drive(self) -> None:
+        stage = await self._prepared()
+        if stage is None:
+            return
+        stage.report = self._report
+        await self._watched.wait()
         last = time.monotonic()
         while True:
             now = time.monotonic()
             elapsed, last = now - last, now
             try:
-                moved = self.stage.advance(elapsed, budget_s=BUDGET_S, timer=time.monotonic)
+                moved = await self._advance(stage, elapsed)
             except NavError as error:
-                await self._stop(error)
+                await self._stop(stage, error)
                 moved = True
             if moved:
                 self._wake()
@@ -353,10 +461,13 @@ class LiveServer:
             busy = moved and spent >= SLICE_S
             await asyncio.sleep(0.001 if busy else SLICE_S - spent if spent < SLICE_S else 0.0)
 
-    async def _stop(self, error: NavError) -> None:
+    async def _advance(self, stage: Stage, elapsed_s: float) -> bool:
+        return await self.in_simulation(lambda: stage.advance(elapsed_s, budget_s=BUDGET_S, timer=time.monotonic))
+
+    async def _stop(self, stage: Stage, error: NavError) -> None:
         """Pauses after an error of the simulation and shows it."""
-        for session in self.stage.sessions:
-            session.pause(True)
+        for session in stage.sessions:
+            await self.in_simulation(partial(session.pause, True))
         notice = messages.Notice(text=f"the simulation stopped: {error.message}", severity="error")
         for client in list(self._clients):
             await client.notify(notice)
@@ -414,7 +525,7 @@ class LiveServer:
             return _text(503, f"{MAX_CLIENTS} pages are connected already; close one")
         socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE, heartbeat=20.0, compress=False)
         await socket.prepare(request)
-        client = Client(socket, self.stage, server=self.number, read_only=self.read_only, carry_out=self.carry_out)
+        client = Client(socket, self)
         self._clients.add(client)
         try:
             await client.run()
@@ -424,7 +535,10 @@ class LiveServer:
 
 
 async def serve(server: LiveServer, host: str, port: int, *, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-    """Serves until `stop` is set; `ready` gets the address. Raises InputError if the port cannot be used."""
+    """Serves until `stop` is set; `ready` gets the address.
+
+    Raises InputError if the port cannot be used, and the error of a stage that cannot be prepared.
+    """
     runner = web.AppRunner(server.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
     await runner.setup()
     try:
@@ -433,9 +547,14 @@ async def serve(server: LiveServer, host: str, port: int, *, ready: Callable[[st
         except OSError as exc:
             raise _port_error(exc, host, port) from None
         ready(_address(runner.addresses[0][1], host, server.gate.token))
-        await stop.wait()
+        ends = [asyncio.create_task(event.wait()) for event in (stop, server.failed)]
+        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        for end in ends:
+            end.cancel()
     finally:
         await runner.cleanup()
+    if server.failure is not None:
+        raise server.failure
 
 
 def _address(port: int, host: str, token: str | None) -> str:

@@ -6,6 +6,7 @@ import io
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from navstack.core import (
     NavError,
     OccupancyGrid,
     OutputError,
+    compile_ahead,
     ensure_directory,
     is_dir,
     is_file,
@@ -201,6 +203,9 @@ _INTERACTIONS = frozenset({"goal", "queue", "cancel", "put", "remove", "place", 
 _TIME = frozenset({"pause", "step", "speed", "seek", "restart"})
 
 
+Report = Callable[[str, int, int], None]
+"""Called with what is done, how much of it is done, and of how much (0: unknown). Raises to end it when the server ends."""
+COMPILING = "compiling kernels, once per machine"
 LEAD_S = 0.05
 """A session begins no cycle more than this ahead of another one (simulated s)."""
 
@@ -227,6 +232,8 @@ class Stage:
         self.options = options
         self._own = OwnFiles(options.named, options.save_to)
         self._passages: tuple[Any, PassageReport] | None = None
+        self.report: Report | None = None
+        """Called with the progress of what takes long."""
 
     @property
     def main(self) -> Session:
@@ -335,7 +342,15 @@ class Stage:
         else:
             action["params"] = [self._own.load(request.params)]
         session.interact(action)
+        if request.params is not None:  # perhaps another planner
+            self._compile_for(session)
         return "", parameters.parameter_list(session)
+
+    def _compile_for(self, session: Session) -> None:
+        """Compiles the kernels of the session's planners in parallel, before the next cycle compiles one after another."""
+        report = self.report
+        progress = None if report is None else partial(report, COMPILING)
+        compile_ahead(session.run.interventions.configuration.planner_names, progress)
 
     def _time(self, request: Any) -> tuple[str, Any]:
         for session in self.sessions:

@@ -47,14 +47,23 @@ def browser() -> Iterator[Any]:
 class Live:
     """A running server."""
 
-    def __init__(self, stage: Stage, *, read_only: bool = False, port: int = 0, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self,
+        stage: Stage,
+        *,
+        read_only: bool = False,
+        port: int = 0,
+        host: str = "127.0.0.1",
+        prepare: Callable[[Any], Stage] | None = None,
+    ) -> None:
+        """`prepare` is called when the server runs, and returns the stage."""
         self.stage = stage
         self.session: Session = stage.main
         self.address = ""
         self._ready = threading.Event()
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()
-        self._server = LiveServer(stage, Gate(host), read_only=read_only)
+        self._server = LiveServer(prepare or stage, Gate(host), read_only=read_only)
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, args=(host, port), daemon=True)
         self._thread.start()
@@ -81,12 +90,8 @@ class Live:
             self._loop.close()
 
     def call(self, action: Callable[[], Any]) -> Any:
-        """Calls a function in the server's thread, between two steps of the session."""
-
-        async def run() -> Any:
-            return action()
-
-        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(30.0)
+        """Calls a function in the thread of the simulation, between two steps of the session."""
+        return asyncio.run_coroutine_threadsafe(self._server.in_simulation(action), self._loop).result(30.0)
 
     def stop(self) -> None:
         if self._thread.is_alive():

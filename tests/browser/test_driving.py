@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -259,3 +260,86 @@ collision_monitor:
     page.keyboard.up("i")
     assert value(page, "side.collisions") == 0
     assert value(page, "side.pose[1]") < 8.3  # the wall is at 8.4 m
+
+
+def test_the_page_shows_the_preparation_and_never_an_empty_list(live: Start, browser: Any, scenario: Load) -> None:
+    go_on, session = threading.Event(), Session(scenario(CORRIDOR), speed=20.0)
+
+    def prepare(report: Callable[[str, int, int], None]) -> Stage:
+        report("compiling kernels, once per machine", 12, 96)
+        go_on.wait(60.0)
+        return Stage([session], Options())
+
+    server = live(stage=Stage([session], Options()), prepare=prepare)
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(server.address)
+    progress = page.locator("#progress")
+    progress.get_by_text("12 of 96").wait_for()
+    assert "compiling kernels" in progress.inner_text()
+    page.click("#show-parameters")
+    assert "when the robot is ready" in page.locator("#parameter-list").inner_text()
+    go_on.set()
+    page.locator('[data-name="DWAPlannerROS/max_vel_x"]').wait_for(state="attached")
+    assert progress.is_hidden()
+    wait_until(page, "side.done")
+    context.close()
+
+
+@pytest.mark.parametrize("keys", [("ArrowUp", "ArrowLeft"), ("w", "a")])
+def test_driving_by_arrow_keys_and_letters(live: Start, open_page: Open, keys: tuple[str, str]) -> None:
+    page = open_page(live(EMPTY, speed=1.0))
+    page.keyboard.press("t")
+    page.focus("#scene")
+    for key in keys:
+        page.keyboard.down(key)
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.1 && side.velocity[2] > 0.1")
+    page.keyboard.up(keys[0])
+    wait_until(page, "Math.abs(side.velocity[0]) < 0.02 && side.velocity[2] > 0.1")
+    page.keyboard.up(keys[1])
+    wait_until(page, "!side.by_hand")
+    assert value(page, "window.navstack.tools.cross") is None
+
+
+def test_driving_by_pad_on_a_phone(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, speed=1.0), size=(390, 844), has_touch=True, is_mobile=True)
+    assert page.locator("#pad").is_hidden()
+    page.tap("#tool-drive")
+    box = page.locator("#pad").bounding_box()
+    assert box["width"] >= 120
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = page.context.new_cdp_session(page)
+    for kind, points in (("touchStart", [(x, y)]), ("touchMove", [(x - 40, y - 60)])):
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": u, "y": v} for u, v in points]})
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.1 && side.velocity[2] > 0.1")
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    wait_until(page, "!side.by_hand && Math.abs(side.velocity[0]) < 0.02")
+    assert page.evaluate("() => document.documentElement.scrollWidth <= 390")
+
+
+def test_driving_by_game_pad(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, speed=1.0))
+    page.evaluate(
+        """() => { window.axes = [0, 0, 0, 0];
+        navigator.getGamepads = () => [{ connected: true, axes: window.axes, buttons: [] }]; }"""
+    )
+    page.keyboard.press("t")
+    page.evaluate("() => { window.axes = [-0.8, -1, 0, 0]; }")
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.1 && side.velocity[2] > 0.1")
+    page.evaluate("() => { window.axes = [0.02, 0.02, 0, 0]; }")  # within the dead zone
+    wait_until(page, "!side.by_hand")
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+def test_the_hint_is_beside_the_map_and_the_state_is_whole(live: Start, open_page: Open, size: tuple[int, int]) -> None:
+    page = open_page(live(EMPTY, paused=True), size=size)
+    before = page.locator("#scene").bounding_box()
+    for tool in ("goal", "pose", "drive"):
+        page.click(f"#tool-{tool}")
+        hint = page.locator("#hint").bounding_box()
+        assert page.locator("#hint").inner_text() and hint["y"] + hint["height"] <= before["y"]
+        assert page.locator("#scene").bounding_box() == before
+    state = page.evaluate(
+        "() => { const s = document.getElementById('state'); return [s.scrollWidth, s.clientWidth]; }"
+    )
+    assert page.locator("#state").inner_text() == "paused" and state[0] <= state[1]

@@ -93,8 +93,8 @@ def test_a_recorded_run_shows_a_time_line(server: tuple[subprocess.Popen[str], s
     # in a thread of its own: Playwright leaves a running loop in that of the browser tests
     with ThreadPoolExecutor(1) as pool:
         heard = pool.submit(asyncio.run, conversation(address)).result()
-    world = heard[0]
-    assert world["type"] == "world" and world["fixed"] and world["name"]
+    world = next(message for message in heard if message["type"] == "world")
+    assert world["fixed"] and world["name"]
     first = next(message for message in heard if message["type"] == "frame")["sides"][0]
     assert first["paused"] and first["t"] == 0.0 and first["end"] > 5.0
     answers = {message["id"]: message for message in heard if message["type"] == "answer"}

@@ -127,3 +127,11 @@ def test_requests_name_one_of_two_robots(office: Scenario) -> None:
     assert parameters.changed_values(sessions[1]) == {SPEED: 0.2}
     with pytest.raises(InputError, match="only one robot"):
         Stage(sessions[:1], Options()).request(request(type="parameters", side=1))
+
+
+def test_the_kernels_of_another_set_are_compiled_ahead(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled: list[tuple[str, ...]] = []
+    monkeypatch.setattr("navstack.live.stage.compile_ahead", lambda uses, progress: compiled.append(uses))
+    stage = Stage([session], Options())
+    assert stage.request(messages.Set(type="set", params="turtlebot")).ok
+    assert compiled == [session.run.interventions.configuration.planner_names]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import random
+import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,7 +19,7 @@ from navstack.live import messages
 from navstack.live.messages import decode
 from navstack.live.server import Gate, LiveServer, serve
 from navstack.live.session import Session
-from navstack.live.stage import Options, Stage
+from navstack.live.stage import Options, Report, Stage
 
 LIMIT_S = 240.0
 """A test that waits longer (s) for the server fails."""
@@ -26,13 +27,19 @@ Body = Callable[[aiohttp.ClientSession, str, LiveServer], Awaitable[None]]
 
 
 def served(
-    session: Session, body: Body, *, host: str = "127.0.0.1", save_to: Path | None = None, **options: Any
+    session: Session,
+    body: Body,
+    *,
+    host: str = "127.0.0.1",
+    save_to: Path | None = None,
+    stage: Callable[[Report], Stage] | None = None,
+    **options: Any,
 ) -> None:
     """Runs `body` against a server of the session."""
 
     async def main() -> None:
-        stage = Stage([session], Options(save_to=save_to, fixed=options.pop("fixed", False)))
-        server = LiveServer(stage, Gate(host, options.pop("token", None)), **options)
+        made = stage or Stage([session], Options(save_to=save_to, fixed=options.pop("fixed", False)))
+        server = LiveServer(made, Gate(host, options.pop("token", None)), **options)
         stop, address = asyncio.Event(), asyncio.get_running_loop().create_future()
         task = asyncio.create_task(serve(server, "127.0.0.1", 0, ready=address.set_result, stop=stop))
         try:
@@ -286,3 +293,90 @@ def test_a_bug_in_a_request_is_one_sentence_and_the_session_goes_on(
 
     monkeypatch.setattr(session, "restart", fail)
     served(session, body)
+
+
+def test_time_begins_when_the_first_page_is_there(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        for _ in range(30):
+            async with client.get(address + "app.js") as script:
+                await script.read()
+        assert session.time == 0.0
+        socket = await connect(client, address)
+        frames = 0
+        while session.time == 0.0:
+            message = await socket.receive(timeout=60.0)
+            if message.type is aiohttp.WSMsgType.BINARY:
+                frames += 1
+                await socket.send_json({"type": "ack", "frame": frames - 1})  # the first one is the world
+        await socket.close()
+
+    session.set_speed(None)
+    served(session, body)
+
+
+def test_pages_see_how_far_the_preparation_is(session: Session) -> None:
+    go_on = threading.Event()
+
+    def prepare(report: Report) -> Stage:
+        report("compiling kernels", 3, 10)
+        go_on.wait(LIMIT_S)
+        return Stage([session], Options())
+
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        progress = await heard(socket, "progress", lambda p: p["total"])
+        assert (progress["text"], progress["done"], progress["total"]) == ("compiling kernels", 3, 10)
+        refused = await ask(socket, 2, type="parameters")
+        assert not refused["ok"] and "not ready yet" in refused["text"]
+        assert (await ask(socket, 3, type="layers", layers=["local"]))["ok"]
+        go_on.set()
+        while (await socket.receive(timeout=60.0)).type is not aiohttp.WSMsgType.BINARY:
+            pass
+        assert (await ask(socket, 4, type="parameters"))["data"]
+        await socket.close()
+
+    served(session, body, stage=prepare)
+
+
+def test_a_session_that_cannot_begin_ends_the_server_with_its_reason(session: Session) -> None:
+    def prepare(report: Report) -> Stage:
+        raise InputError("the log is not there")
+
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        await server.failed.wait()
+
+    with pytest.raises(InputError, match="the log is not there"):
+        served(session, body, stage=prepare)
+
+
+def test_while_the_simulation_takes_long_the_server_says_so(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    go_on, advance = threading.Event(), session.advance
+
+    def wait(*args: Any, **options: Any) -> bool:
+        go_on.wait(LIMIT_S)
+        return advance(*args, **options)
+
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        assert (await heard(socket, "progress", lambda p: p["seconds"] > 0.5))["text"] == "simulating"
+        async with client.get(address) as page:
+            assert page.status == 200
+        go_on.set()
+        assert (await heard(socket, "progress", lambda p: not p["text"]))["seconds"] == 0.0
+        await socket.close()
+
+    monkeypatch.setattr(session, "advance", wait)
+    served(session, body)
+
+
+async def heard(
+    socket: aiohttp.ClientWebSocketResponse, kind: str, wanted: Callable[[dict[str, Any]], Any]
+) -> dict[str, Any]:
+    """Waits for a message of that type."""
+    while True:
+        message = await socket.receive(timeout=60.0)
+        assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
+        if message.type is aiohttp.WSMsgType.TEXT:
+            data = json.loads(message.data)
+            if data["type"] == kind and wanted(data):
+                return data

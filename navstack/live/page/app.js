@@ -24,7 +24,8 @@ class App {
       frame: (header, blobs) => this.frame(header, blobs),
       status: (kind, text) => this.status(kind, text),
       notice: (notice) => toast(notice.text, notice.severity),
-      connected: () => { this.sendLayers(); if (this.panel.shown === 'parameters') this.parameters.load(); },
+      progress: (progress) => this.progress(progress),
+      connected: () => { this.sendLayers(); },
     });
     this.scenes = [$('scene'), $('scene2')].map((canvas, view) => new Scene(canvas, this.store, this.camera, this.layers, this.theme, view));
     this.scene = this.scenes[0];
@@ -38,6 +39,7 @@ class App {
     this.panel = new Panel(this);
     this.layers.build($('tab-layers'));
     this.follow = false;
+    this.busy = null; // what the server does while nothing moves
     this.toast = toast;
     this.buttons();
     addEventListener('keydown', (event) => this.key(event));
@@ -61,11 +63,27 @@ class App {
       $('clear').disabled = this.readOnly;
       for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
       this.panel.world(header);
+      this.progress(null);
+      if (this.panel.shown === 'parameters') this.parameters.load();
+    }
+    this.changed();
+  }
+
+  /** What the server does while nothing moves; null or an empty text: nothing. */
+  progress(progress) {
+    const box = $('progress'), [text, bar, count] = box.children;
+    this.busy = progress?.text || null;
+    box.hidden = !this.busy;
+    if (this.busy) {
+      text.textContent = this.busy;
+      if (progress.total) { bar.max = progress.total; bar.value = progress.done; } else bar.removeAttribute('value');
+      count.textContent = `${progress.total ? `${progress.done} of ${progress.total}, ` : ''}${progress.seconds.toFixed(0)} s`;
     }
     this.changed();
   }
 
   status(kind, text) {
+    if (kind !== 'good') this.progress(null);
     $('link').textContent = text;
     $('link').className = `chip ${kind}`;
     this.changed();
@@ -88,6 +106,8 @@ class App {
   texts(side, now) {
     const set = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
     set('hint', this.tools.hint());
+    $('hint').title = this.tools.hint();
+    this.teleop.update();
     const bar = this.camera.bar();
     const [line, label] = $('scale').children, length = bar.meters >= 1 ? `${bar.meters} m` : `${Math.round(bar.meters * 100)} cm`;
     line.style.width = `${bar.pixels}px`;
@@ -95,8 +115,8 @@ class App {
     if (!side?.pose) return;
     const clock = side.clockAt(now), point = this.tools.pointer;
     set('clock', `${clock.toFixed(1)} s`);
-    set('factor', side.paused || side.done ? '' : `${side.factor >= 10 ? side.factor.toFixed(0) : side.factor.toFixed(1)}×`);
-    const state = side.seeking ? 'simulating' : side.by_hand ? 'by hand' : side.done ? 'done' : side.paused ? 'paused' : side.recovery || side.state.toLowerCase();
+    set('factor', side.paused || side.done || this.busy ? '' : `${side.factor >= 10 ? side.factor.toFixed(0) : side.factor.toFixed(1)}×`);
+    const state = this.busy ? 'busy' : side.seeking ? 'simulating' : side.by_hand ? 'by hand' : side.done ? 'done' : side.paused ? 'paused' : side.recovery || side.state.toLowerCase();
     set('state', state);
     set('where', point ? `${point[0].toFixed(2)}, ${point[1].toFixed(2)} m` : '');
     if (this.playing !== (side.paused || side.done)) {
@@ -162,7 +182,14 @@ class App {
 
   zoom(factor) { this.camera.zoom(factor); this.changed(); }
 
-  fit() { this.follow = false; this.camera.fit(this.scene.extent, this.versus.two && this.versus.overlaid ? 130 : 0); this.followButton(); }
+  /** Shows the whole map above what covers the bottom: the table of two robots, the pad on a phone. */
+  fit() {
+    if (!this.scene.extent) return;
+    this.follow = false;
+    const pad = this.teleop.on && matchMedia('(max-width: 760px)').matches ? 190 : 0;
+    this.camera.fit(this.scene.extent, Math.max(pad, this.versus.two && this.versus.overlaid ? 130 : 0));
+    this.followButton();
+  }
 
   followButton() { $('follow').setAttribute('aria-pressed', String(this.follow)); this.changed(); }
 

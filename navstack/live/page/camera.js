@@ -1,6 +1,6 @@
 // Map coordinates (m, y up) <-> pixels of the canvas.
 export class Camera {
-  constructor() { this.x = 0; this.y = 0; this.scale = 40; this.width = 1; this.height = 1; this.set = false; }
+  constructor() { this.x = 0; this.y = 0; this.scale = 40; this.width = 1; this.height = 1; this.set = this.fitted = false; }
 
   resize(width, height) { this.width = width; this.height = height; }
 
@@ -9,7 +9,7 @@ export class Camera {
     this.scale = Math.max(4, 0.94 * Math.min(this.width / (right - left), (this.height - below) / (top - bottom)));
     this.x = (left + right) / 2;
     this.y = (bottom + top) / 2 - below / 2 / this.scale;
-    this.set = true;
+    this.set = this.fitted = true;
   }
 
   toScreen(x, y) { return [this.width / 2 + (x - this.x) * this.scale, this.height / 2 - (y - this.y) * this.scale]; }
@@ -18,13 +18,14 @@ export class Camera {
 
   zoom(factor, u = this.width / 2, v = this.height / 2) {
     const [x, y] = this.toMap(u, v);
+    this.fitted = false;
     this.scale = Math.min(1500, Math.max(2, this.scale * factor));
     const [x2, y2] = this.toMap(u, v);
     this.x += x - x2;
     this.y += y - y2;
   }
 
-  pan(du, dv) { this.x -= du / this.scale; this.y += dv / this.scale; }
+  pan(du, dv) { this.fitted = false; this.x -= du / this.scale; this.y += dv / this.scale; }
 
   /** Length for the scale bar: meters (1, 2 or 5 times a power of ten) and pixels. */
   bar() {

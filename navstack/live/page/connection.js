@@ -3,7 +3,7 @@ export const PROTOCOL = 2;
 const RETRY_MS = [300, 600, 1200, 2500, 5000];
 
 export class Connection {
-  /** `handlers`: frame(header, blobs), status(name, text), notice(message). */
+  /** `handlers`: frame(header, blobs), status(name, text), notice(message), progress(message). */
   constructor(handlers) {
     this.handlers = handlers;
     this.pending = new Map();
@@ -56,7 +56,7 @@ export class Connection {
   receive(data, socket) {
     if (typeof data === 'string') {
       const message = JSON.parse(data);
-      if (message.type === 'notice') { this.handlers.notice(message); return; }
+      if (message.type === 'notice' || message.type === 'progress') { this.handlers[message.type](message); return; }
       const waiting = this.pending.get(message.id);
       if (!waiting) { if (!message.ok) this.handlers.notice({ text: message.text, severity: 'error' }); return; }
       this.pending.delete(message.id);

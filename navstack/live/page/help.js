@@ -5,7 +5,7 @@ const KEYS = [
   ['Space', 'pause or continue'], ['N', 'one control cycle'], ['Page Up', 'back 5 s'], ['Home', 'start again'],
   ['G', 'goal'], ['R', 'put the robot here'], ['V', 'ask and select'], ['Y', 'can the robot pass?'],
   ['D', 'disc'], ['B', 'box'], ['A', 'wall'], ['P', 'person'], ['Delete', 'remove'], ['C', 'copy x,y,yaw'], ['T', 'drive by hand'], ['S', 'save'],
-  ['F', 'follow the robot'], ['X', 'two robots: side by side or overlaid'], ['0', 'whole map'], ['+ -', 'zoom'], ['Arrows', 'move the cross (Shift: faster)'], ['[ ]', 'turn the heading at the cross'], ['Enter', 'use the tool at the cross'], ['Esc', 'back to asking'],
+  ['F', 'follow the robot'], ['X', 'two robots: side by side or overlaid'], ['0', 'whole map'], ['+ -', 'zoom'], ['Arrows', 'move the cross (Shift: faster); drive, after T'], ['[ ]', 'turn the heading at the cross'], ['Enter', 'use the tool at the cross'], ['Esc', 'back to asking'],
 ];
 
 export function helpText(dialog) {
@@ -13,7 +13,7 @@ export function helpText(dialog) {
   dialog.append(
     el('h1', {}, 'Keys'),
     el('div', { className: 'keys' }, ...KEYS.flatMap(([key, text]) => [el('kbd', {}, key), el('span', {}, text)])),
-    el('p', {}, 'Driving by hand uses the keys of teleop_twist_keyboard: u i o / j k l / m , . (Shift: sideways on a holonomic robot), q z w x e c for the speeds. The robot stops when the key is released.'),
+    el('p', {}, 'Driving by hand (T): the pad on the map, arrow keys, WASD, a game pad, or the keys of teleop_twist_keyboard: u i o / j k l / m , . with q z x e c for the speeds (Shift: sideways on a holonomic robot). The robot stops when everything is released.'),
     el('p', {}, 'Everything you do is recorded with its time. S saves the session as a scenario that navstack simulate reproduces byte for byte.'),
     el('form', { method: 'dialog' }, el('button', { className: 'primary' }, 'Close')));
 }

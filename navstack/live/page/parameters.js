@@ -4,7 +4,7 @@ import { $, button, el, refresh, toast } from './dom.js';
 export class Parameters {
   constructor(app) {
     this.app = app;
-    this.list = [];
+    this.list = null; // not known yet
     this.filter = '';
     this.open = new Set();
     this.search = el('input', { type: 'search', id: 'parameter-search', placeholder: 'Search: inflation, max_vel …', 'aria-label': 'Search parameters', oninput: (e) => { this.filter = e.target.value.trim().toLowerCase(); this.show(true); } });
@@ -27,6 +27,7 @@ export class Parameters {
   }
 
   async load() {
+    if (!this.app.store.world) { this.show(true); return; } // the server prepares the robot
     this.app.connection.request({ type: 'sets' }).then((answer) => this.showSets(answer.data), () => {});
     try { this.take((await this.app.connection.request(this.app.about({ type: 'parameters' }))).data); } catch (error) { toast(error.message, 'error'); }
   }
@@ -51,13 +52,14 @@ export class Parameters {
   }
 
   show(force) {
+    if (!this.list) { refresh(this.body, 'unknown', () => [el('p', { className: 'empty' }, 'The parameters appear here when the robot is ready.')]); return; }
     const shown = this.list.filter((p) => (p.live || this.fixed.checked) && (!this.filter || p.name.toLowerCase().includes(this.filter) || p.meaning.toLowerCase().includes(this.filter)));
     const parts = new Map();
     for (const p of shown) parts.set(p.part, [...(parts.get(p.part) ?? []), p]);
     const focused = document.activeElement?.id;
     if (force) this.body.refreshKey = null;
     refresh(this.body, JSON.stringify(shown), () => {
-      if (!shown.length) return [el('p', { className: 'empty' }, 'No parameter matches.')];
+      if (!shown.length) return [el('p', { className: 'empty' }, this.filter ? `No parameter matches “${this.filter}”.` : 'No parameter can be changed while the robot drives.')];
       return [...parts].map(([part, list]) => {
         const changed = list.filter((p) => p.changed).length;
         return el('details', { open: this.filter !== '' || this.open.has(part), ontoggle: (e) => (e.target.open ? this.open.add(part) : this.open.delete(part)) },

@@ -56,7 +56,7 @@ export class Tools {
 
   hint() {
     if (this.app.teleop.on) return this.app.teleop.hint();
-    return this.tool === 'why' ? '' : TOOLS.find((item) => item?.[0] === this.tool)[3];
+    return TOOLS.find((item) => item?.[0] === this.tool)[3];
   }
 
   at(event) { const box = this.canvas.getBoundingClientRect(); return this.app.camera.toMap(event.clientX - box.left, event.clientY - box.top); }
