@@ -71,11 +71,13 @@ def test_a_wrong_name_is_an_error_with_a_suggestion(call: object, suggestion: st
 
 
 def test_findings_warn_or_are_errors() -> None:
-    misspelt = {"overrides": ["DWAPlannerROS/sim_tme=2"]}
+    sources = ["turtlebot", {"DWAPlannerROS": {"sim_tme": 2.0}}]
     with pytest.warns(nav.ParameterWarning, match="did you mean sim_time"):
-        nav.load_configuration(["turtlebot"], **misspelt)
+        nav.load_configuration(sources)
     with pytest.raises(ParameterError, match="did you mean sim_time"):
-        nav.load_configuration(["turtlebot"], **misspelt, strict=True)
+        nav.load_configuration(sources, strict=True)
+    with pytest.raises(ParameterError, match=r"overrides\[0\]: DWAPlannerROS/sim_tme = 2 sets nothing"):
+        nav.load_configuration(["turtlebot"], overrides=["DWAPlannerROS/sim_tme=2"])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         nav.load_configuration(["turtlebot"])

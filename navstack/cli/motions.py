@@ -117,7 +117,11 @@ class MotionOptions(NamedTuple):
             shapes=shapes,
             seed=self.seed or 0,
             time_limit_s=TIME_LIMIT_S,
-            names={"map": path.name, "params": [short_name(p) for p in params], "overrides": list(self.set_)},
+            names={
+                "map": path.name,
+                "params": [short_name(p) for p in params],
+                "overrides": [str(text) for text in self.set_],
+            },
         )
 
 

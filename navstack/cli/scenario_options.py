@@ -111,7 +111,11 @@ class ScenarioOptions(NamedTuple):
             shapes=shapes,
             seed=self.seed or 0,
             time_limit_s=TIME_LIMIT_S if self.time_limit is None else self.time_limit,
-            names={"map": path.name, "params": [short_name(p) for p in params], "overrides": list(self.set_)},
+            names={
+                "map": path.name,
+                "params": [short_name(p) for p in params],
+                "overrides": [str(text) for text in self.set_],
+            },
         )
 
     def _packaged_poses(

@@ -126,7 +126,7 @@ class TourOptions(NamedTuple):
             names={
                 "map": path.name,
                 "params": [Path(p).name for p in self.params],
-                "overrides": list(self.set_),
+                "overrides": [str(text) for text in self.set_],
                 "places": list(names),
             },
         )

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import EntryPoints, entry_points
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar, cast
 
 from navstack.core import UnknownPluginError
 from navstack.plugins.builtin import BUILTIN
@@ -169,14 +169,18 @@ class Registry(Generic[T]):
             self.add(point.name, cls, aliases=tuple(getattr(cls, "PLUGIN_ALIASES", ())), origin=origin)
 
 
+_PREFIX: Final = "navstack."
+"""Beginning of the groups of entry points."""
+
+
 def unknown_groups() -> list[tuple[str, str]]:
     """Return name and fault of each entry point in a group `navstack.*` that no registry reads: it has no effect."""
     groups = [registry.group for registry in REGISTRIES]
-    foreign = sorted(group for group in _entry_points().groups if group.startswith("navstack.") and group not in groups)
+    foreign = sorted(group for group in _entry_points().groups if group.startswith(_PREFIX) and group not in groups)
     found: list[tuple[str, str]] = []
     for point in (p for group in foreign for p in _entry_points().select(group=group)):
-        close = difflib.get_close_matches(point.group, groups, n=1)
-        fix = f'did you mean "{close[0]}"?' if close else f"the groups are {', '.join(groups)}"
+        close = difflib.get_close_matches(point.group[len(_PREFIX) :], [group[len(_PREFIX) :] for group in groups], n=1)
+        fix = f'did you mean "{_PREFIX}{close[0]}"?' if close else f"the groups are {', '.join(groups)}"
         origin = f" of {point.dist.name}" if point.dist else ""
         text = f'the entry point "{point.name}"{origin} has no effect: its group "{point.group}" is unknown; {fix}'
         found.append((point.name, text))

@@ -168,7 +168,7 @@ class ScenarioSpec:
             "scenario": self.path.name if self.path is not None else self.name,
             "map": self.name if self.map_file is None else self.map_file.name,
             "params": [Path(s).name for s in sources if isinstance(s, (str, Path))],
-            "overrides": list(overrides),
+            "overrides": [str(text) for text in overrides],
         }
         if any(places):
             names["places"] = [name or None for name in places]
