@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import hypothesis
@@ -27,6 +28,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Let Ctrl-C through: processes that a script starts in the background ignore it, and so would all their children.
     """
+    state = tempfile.TemporaryDirectory()  # where commands remember the last run
+    config.add_cleanup(state.cleanup)
+    os.environ["XDG_STATE_HOME"] = state.name
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", None):

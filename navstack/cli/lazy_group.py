@@ -13,6 +13,22 @@ NEGATIVE_NUMBERS: Final[dict[str, Any]] = {"ignore_unknown_options": True}
 """Settings of a command to which a negative distance, angle or coordinate is an argument, not an option."""
 
 
+class _HidesTypesOfFlags:
+    """Lets the help print no `<bool>` after flags."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters; flags have an empty metavar."""
+        found: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for parameter in found:
+            if getattr(parameter, "is_bool_flag", False) and parameter.metavar is None:
+                parameter.metavar = ""
+        return found
+
+
+class Command(_HidesTypesOfFlags, TyperCommand):
+    """A command."""
+
+
 class LazyCommand(NamedTuple):
     """Where a command is, and its line in the help of its group: the first sentence of its own help."""
 
@@ -27,16 +43,18 @@ class LazyCommand(NamedTuple):
         """Import the module and return the command."""
         found = getattr(importlib.import_module(f"navstack.cli.{self.module}"), self.attribute)
         if isinstance(found, typer.Typer):
+            for registered in found.registered_commands:
+                registered.cls = Command if registered.cls in (None, TyperCommand) else registered.cls
             command: Any = get_group(found)
         else:
             application = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
-            application.command(name, context_settings=self.settings)(found)
+            application.command(name, cls=Command, context_settings=self.settings)(found)
             command = get_command(application)
         command.name = name
         return command
 
 
-class LazyGroup(TyperGroup):
+class LazyGroup(_HidesTypesOfFlags, TyperGroup):
     """A group that knows the names and the help of its commands, and loads a command when it runs."""
 
     table: ClassVar[dict[str, LazyCommand]] = {}
@@ -46,7 +64,7 @@ class LazyGroup(TyperGroup):
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         for name, lazy in self.table.items():
-            self.commands[name] = TyperCommand(name, help=lazy.help, rich_markup_mode="markdown")
+            self.commands[name] = Command(name, help=lazy.help, rich_markup_mode="markdown")
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return the command of the arguments, loaded, and what is left of them."""

@@ -16,6 +16,7 @@ from navstack.cli import options
 from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
 from navstack.cli.explain.tracking import draw, print_tracking
 from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.last_run import save_record
 from navstack.cli.output import loading_kernels, print_json, print_note, print_warnings, reason_of, stdout, titled_table
 from navstack.core import InputError, Pose2D, RecordError, ensure_directory, locked_folder, write_json, write_text
 from navstack.explain import explain_tracking
@@ -359,7 +360,7 @@ def _run(scenario: Scenario, folder: Path, interrupt: Interrupt, *, json_: bool)
         warm_up(scenario)
     result = run_scenario(scenario, stop=interrupt)
     assert result.recorder is not None
-    files = {what: str(name) for what, name in result.recorder.save(folder).items()}
+    files = save_record(result.recorder, folder)
     record = result.recorder.record()
     plot_run(record, folder / "run.png")
     files["picture"] = str(folder / "run.png")

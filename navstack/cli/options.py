@@ -164,8 +164,23 @@ Obstacles = Annotated[
     ),
 ]
 
+
 # records
-RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a recorded run, or its run.npz.")]
+def _last_run() -> Path:
+    from navstack.cli.last_run import last_run
+
+    return last_run()
+
+
+RunFolder = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RUN",
+        help="Folder of a recorded run, or its run.npz. [default: the last run]",
+        default_factory=_last_run,
+        show_default=False,
+    ),
+]
 Time = Annotated[
     float | None, typer.Option("--time", metavar="T", help="Time in the run (s). [default: the end of the run]")
 ]

@@ -9,6 +9,7 @@ import typer
 
 from navstack.cli import options
 from navstack.cli.arguments import map_of
+from navstack.cli.last_run import last_run
 from navstack.cli.options import file_in
 from navstack.cli.output import counting_bar, print_files, print_json
 from navstack.core import InputError, is_file
@@ -53,7 +54,9 @@ def plot(
         str,
         typer.Argument(
             metavar="RUN|MAP.yaml",
-            help="Folder of a recorded run, or its run.npz; or a map, by its file or packaged name.",
+            help="Folder of a recorded run, or its run.npz; or a map, by its file or packaged name. [default: the last run]",
+            default_factory=lambda: str(last_run()),
+            show_default=False,
         ),
     ],
     out: Annotated[

@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from navstack.cli import options
 from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.last_run import save_record
 from navstack.cli.log_options import OpenedReplay, ReplayInput, reading_bar
 from navstack.cli.output import loading_kernels, print_files, print_json, print_note, stdout, titled_table
 from navstack.core import InputError, ensure_directory, locked_folder, write_json
@@ -128,7 +129,7 @@ def _write(done: LogReplay, report: Any, folder: Path) -> dict[str, str]:
     files: dict[str, str] = {}
     recorder = done.run_recorder
     if recorder is not None:
-        files = {what: str(name) for what, name in recorder.save(folder).items()}
+        files = save_record(recorder, folder)
         record = recorder.record()
         if len(record.samples):
             plot_run(record, folder / "run.png")

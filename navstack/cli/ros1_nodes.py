@@ -6,10 +6,10 @@ from enum import StrEnum
 from typing import Annotated, Any, Final
 
 import typer
-from typer.core import TyperCommand
 
 from navstack.behaviors import parse_angle, parse_length
 from navstack.cli.arguments import parse_pose
+from navstack.cli.lazy_group import Command
 from navstack.cli.terminal import single_keys
 from navstack.cli.tour import TourOrder
 from navstack.core import InputError, clean_frame
@@ -26,7 +26,7 @@ PING_S: Final = 2.0
 Name = Annotated[str, typer.Option("--name", help="Name of the node.")]
 
 
-class NodeCommand(TyperCommand):
+class NodeCommand(Command):
     """A command that is a node: ROS arguments (`cmd_vel:=/base/cmd_vel`, `__ns:=/robot1`, `_frame_id:=map`) are left to rospy.
 
     roslaunch adds `__name:=` and `__log:=` to every command line; they must not be taken for an optional argument.

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from navstack.cli import options
 from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.last_run import save_record
 from navstack.cli.output import (
     loading_kernels,
     print_advice,
@@ -67,7 +68,7 @@ def _simulate(
 ) -> int:
     result = _run(scenario, interrupt, folder, quiet=json_, timings=timings, scans=scans)
     assert result.recorder is not None
-    files = {what: str(name) for what, name in result.recorder.save(folder).items()}
+    files = save_record(result.recorder, folder)
     picture = folder / "run.png"
     plot_run(result.recorder.record(), picture)
     files |= {"picture": str(picture), "summary": str(folder / "summary.json")}

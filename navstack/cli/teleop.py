@@ -17,6 +17,7 @@ from rich.text import Text
 from navstack.behaviors import HELP, KeyboardTeleop
 from navstack.cli import options
 from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.last_run import save_record
 from navstack.cli.motions import MotionOptions, World
 from navstack.cli.output import loading_kernels, print_files, stdout
 from navstack.cli.terminal import map_lines, single_keys
@@ -156,7 +157,7 @@ def drive(
 def _save(session: Session, folder: Path) -> None:
     run, recorder = session.run, session.run.recorder
     assert recorder is not None
-    files = {what: str(name) for what, name in recorder.save(folder).items()}
+    files = save_record(recorder, folder)
     plot_run(recorder.record(), folder / "run.png")
     files["picture"] = str(folder / "run.png")
     collisions = len(run.robot.collisions)

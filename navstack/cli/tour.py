@@ -13,6 +13,7 @@ from navstack.behaviors import EXAMPLES, read_step, step_text
 from navstack.cli import options
 from navstack.cli.arguments import map_of, parse_obstacles, parse_pose
 from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.last_run import save_record
 from navstack.cli.output import (
     Verbosity,
     loading_kernels,
@@ -217,7 +218,7 @@ def _tour(scenario: Scenario, names: tuple[str, ...], folder: Path, interrupt: I
     result = _drive(scenario, names, interrupt, quiet=json_)
     recorder = result.run.recorder
     assert recorder is not None
-    files = {what: str(name) for what, name in recorder.save(folder).items()}
+    files = save_record(recorder, folder)
     plot_run(recorder.record(), folder / "run.png")
     files |= {"picture": str(folder / "run.png"), "summary": str(folder / "summary.json")}
     document = {**result.as_dict(), "files": files}
