@@ -333,7 +333,7 @@ class ObservationBuffer:
         if isinstance(data, LaserScan):
             what, rule = "beams", f"from range_min = {data.range_min:g} m on, +inf included"
             ranges = _ranges_of(data)
-            total, valid = len(ranges), int(np.count_nonzero((ranges >= data.range_min) & (ranges > 0.0)))
+            total, valid = len(ranges), int(np.count_nonzero((ranges >= np.float64(data.range_min)) & (ranges > 0.0)))
             if not data.range_max > max(data.range_min, 0.0):
                 rule, valid = f"range_max = {data.range_max:g} m is not above range_min = {data.range_min:g} m", 0
         else:
