@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
-from navstack.core import InternalError, NavError, RobotState, Twist2D
-from navstack.plugins import Behavior, BehaviorContext, BehaviorStatus, BehaviorStep
+from navstack.core import NavError, RobotState, Twist2D
+from navstack.plugins import (
+    Behavior,
+    BehaviorContext,
+    BehaviorStatus,
+    BehaviorStep,
+    CommandLimits,
+    broken_contract,
+    own_speeds,
+    shown,
+)
 
+FASTEST_HZ: Final = 1000.0
+"""Highest rate of the steps of a behavior."""
 Guard = Callable[..., Any]
 """Calls a method of a plugin: `guard(plugin, method, *arguments)`. Raises a NavError for whatever the method raises."""
 
@@ -78,6 +89,9 @@ class BehaviorRunner:
         self._make_pace = make_pace
         self._guard = guard
         self._pace: Pace | None = None
+        self._limits: CommandLimits | None = None
+        self._own_speeds = 0.0, 0.0
+        """What the parameters of the running behavior allow (m/s, rad/s)."""
 
     @property
     def due(self) -> float:
@@ -105,9 +119,15 @@ class BehaviorRunner:
             if check:
                 self._guard(behavior, behavior.check, context)
             self._guard(behavior, behavior.start, context, now)
-            own: float | None = self._guard(behavior, lambda: behavior.frequency)
+            own: Any = self._guard(behavior, lambda: behavior.frequency)
+            if own is not None and not (isinstance(own, (int, float)) and 0.0 <= own <= FASTEST_HZ):
+                problem = f"has a frequency of {shown(own)}, which is no rate of at most {FASTEST_HZ:g} Hz"
+                raise broken_contract(behavior, problem)
         except NavError as exc:
             return self.failure(exc)
+        self._own_speeds = own_speeds(behavior.params)
+        if self._limits is None or self._limits.planner is not context.local_planner:
+            self._limits = CommandLimits(context.local_planner)
         self._pace = self._make_pace(own or frequency, now)
         return None
 
@@ -119,14 +139,18 @@ class BehaviorRunner:
         behavior = self.running
         assert behavior is not None
         try:
-            step = _valid_step(behavior, self._guard(behavior, behavior.step, state_at(now), now))
+            state = state_at(now)
+            step = _valid_step(behavior, self._guard(behavior, behavior.step, state, now))
+            if self._limits is not None and step.status is BehaviorStatus.RUNNING:
+                self._limits.check(behavior, step.twist, state.velocity, self._own_speeds)
         except NavError as exc:
             return self.failure(exc)
         if step.status is BehaviorStatus.RUNNING:
             return step
         error: NavError | None = None
         if step.status is BehaviorStatus.FAILED:
-            error = NavError(step.text or f"{behavior.name} failed", recovery=behavior.name, **step.data)
+            error = NavError(step.text or f"{behavior.name} failed")
+            error.data = {**step.data, "recovery": behavior.name}
         return BehaviorEnd(behavior, step, error)
 
     def failure(self, error: NavError) -> BehaviorEnd:
@@ -147,8 +171,15 @@ def _valid_step(behavior: Behavior, step: Any) -> BehaviorStep:
         problem = f"returned a {type(step).__name__}, not a BehaviorStep"
     elif not _is_command(step.twist):
         problem = f"commands {step.twist}, which is not a Twist2D of three finite numbers"
+    else:
+        fields: tuple[Any, Any, Any] = (step.status, step.text, step.data)
+        status, text, data = fields
+        if not isinstance(status, BehaviorStatus) or not isinstance(text, str):
+            problem = f"returned a step with the status {shown(status)} and a text of type {type(text).__name__}"
+        elif not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
+            problem = f"returned a step with data {shown(data)}, not a dictionary with names as keys"
     if problem:
-        raise InternalError(f"{behavior.name} {problem}; please report this to its author", plugin=behavior.name)
+        raise broken_contract(behavior, problem)
     return step
 
 

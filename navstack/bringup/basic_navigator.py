@@ -51,6 +51,7 @@ from navstack.move_base import (
     Schedule,
     SpeedLimiter,
     call,
+    checked_flag,
     checked_local_plan,
     checked_pose,
     stale_sensors,
@@ -135,7 +136,7 @@ class FollowPath(Behavior):
         planner = self._move_base.local_planner
         inputs = self._move_base.control_input(self._plan, now)
         data = {"left_m": self._remaining(inputs)}
-        if call(planner, planner.goal_reached, inputs, check=bool):
+        if call(planner, planner.goal_reached, inputs, check=checked_flag):
             return BehaviorStep(BehaviorStatus.DONE, data=data)
         if self._progress.update(state.pose) is not Progress.NONE:
             self._last_progress = now
@@ -685,7 +686,7 @@ class BasicNavigator(NavigatorServices):
         costmap, robot = move_base.local_costmap, move_base.robot
         self._runner.advance(now)
         try:
-            if not call(costmap, costmap.is_current, now, check=bool):
+            if not call(costmap, costmap.is_current, now, check=checked_flag):
                 raise stale_sensors(costmap, "is stale, so the robot must not move")
         except NavError as exc:
             self._end_behavior(TaskResult.FAILED, exc)

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
 from navstack.core import (
+    FREE,
+    LETHAL,
     Costmap,
     Footprint,
     FrameTree,
@@ -23,6 +25,7 @@ from navstack.core import (
     Values,
     clean_frame,
     is_number,
+    lethal_cells_along,
     require_finite_pose,
     start_outside_map,
     turn_note,
@@ -62,6 +65,8 @@ class PlannedPath:
     plan: Plan
     costmap: LayeredCostmap
     planner: str
+    lethal_cells: tuple[int, float] = (0, math.inf)
+    """How many lethal cells the path crosses, and after how many meters first."""
 
 
 def plan_on_map(
@@ -91,7 +96,26 @@ def plan_on_map(
     note = turn_note(plan.path, configuration.turning_radius)
     if note is not None:
         plan = replace(plan, notes=(*plan.notes, note))
-    return PlannedPath(plan, costmap, choice.name)
+    lethal, first = _lethal_cells(costmap.master, plan)
+    if lethal:
+        cells = "a lethal cell" if lethal == 1 else f"{lethal} lethal cells"
+        text = (
+            f"the path crosses {cells}, the first after {first:.2f} m: the robot cannot drive it; use another planner"
+        )
+        plan = replace(plan, notes=(*plan.notes, text))
+    return PlannedPath(plan, costmap, choice.name, (lethal, first))
+
+
+def _lethal_cells(costmap: Costmap, plan: Plan) -> tuple[int, float]:
+    """Return how many lethal cells a plan crosses, and after how many meters first.
+
+    The cell of the start does not count: the robot is there, and the planner says what it did about it.
+    """
+    start = costmap.geometry.world_to_cell(*plan.path.poses[0, :2].tolist())
+    if start is not None and costmap.data[start[1], start[0]] == LETHAL:
+        costmap = costmap.copy()
+        costmap.data[start[1], start[0]] = FREE
+    return lethal_cells_along(costmap, plan.path.poses)
 
 
 def costmap_on_map(configuration: Configuration, static_map: OccupancyGrid, start: Pose2D) -> LayeredCostmap:

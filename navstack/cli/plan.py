@@ -80,16 +80,18 @@ def plan(
 ) -> None:
     """Plan a path on a map with the global costmap and planner of a parameter set.
 
-    Exit codes: 0 a path was found, 1 no path was found between valid poses, 2 invalid input.
+    Exit codes: 0 a path was found, 1 no path was found between valid poses or a path crosses lethal cells, 2 invalid input.
     """
     query, candidates = _load(chosen)
     files = chosen_files(out, {"picture": "plan.png", "plan": "plan.json"}) if out is not None else {}
     if chosen.compare:
-        _compare(query, candidates, files, json_)
+        documents = _compare(query, candidates, files, json_)
     else:
-        _plan(query, candidates[0], files, json_)
+        documents = [_plan(query, candidates[0], files, json_)]
     if out is None and not json_:
         print_note("--out DIR writes the path and a picture of it")
+    if any(document.get("lethal_cells") for document in documents):
+        raise typer.Exit(1)
 
 
 def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
@@ -114,7 +116,8 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
     return _Query(grid, start, goal, path), candidates
 
 
-def _plan(query: _Query, candidate: Candidate, chosen: dict[str, Path], json_: bool) -> None:
+def _plan(query: _Query, candidate: Candidate, chosen: dict[str, Path], json_: bool) -> dict[str, Any]:
+    """Plans; returns the document."""
     try:
         with loading_kernels([candidate.planner.name], quiet=json_):
             found = _planned(query, candidate, keep_potential=bool(chosen))
@@ -130,15 +133,16 @@ def _plan(query: _Query, candidate: Candidate, chosen: dict[str, Path], json_: b
             write_json(chosen["plan"], document)
     if json_:
         print_json(document)
-        return
+        return document
     _print_table([document], f"plan on {query.map.name}")
     for note in found.plan.notes:
         print_note(note)
     print_files(document.get("files", {}))
+    return document
 
 
-def _compare(query: _Query, candidates: list[Candidate], chosen: dict[str, Path], json_: bool) -> None:
-    """Plans with every candidate. Raises the first error if all of them fail."""
+def _compare(query: _Query, candidates: list[Candidate], chosen: dict[str, Path], json_: bool) -> list[dict[str, Any]]:
+    """Plans with every candidate; returns their documents. Raises the first error if all of them fail."""
     import json
 
     found, documents = _plans(query, candidates, keep_potential=bool(chosen), quiet=json_)
@@ -149,12 +153,13 @@ def _compare(query: _Query, candidates: list[Candidate], chosen: dict[str, Path]
             write_json(chosen["plan"], documents)
     if json_:
         typer.echo(json.dumps(jsonable(documents), allow_nan=False))
-        return
+        return documents
     _print_table(documents, f"plans on {query.map.name}")
     for d in documents:
         for note in [d["error"]["message"]] if "error" in d else d["notes"]:
             print_note(f"{d['candidate']}: {note}")
     print_files(files)
+    return documents
 
 
 def _plans(
@@ -281,12 +286,15 @@ def _document(query: _Query, candidate: Candidate, found: PlannedPath) -> dict[s
 
     plan = found.plan
     clearance = plan.clearance_m(found.costmap.master)
+    lethal, first = found.lethal_cells
     return {
         "planner": found.planner,
         "smoother": None if candidate.configuration.smoother is None else candidate.configuration.smoother.name,
         "candidate": candidate.label,
         "length_m": plan.length_m,
         "clearance_m": clearance if math.isfinite(clearance) else None,
+        "lethal_cells": lethal,
+        "first_lethal_m": first if lethal else None,
         "cusps": plan.path.cusps if plan.for_footprint else None,
         "cost": plan.cost,
         "time_ms": _planning_ms(query, candidate, found),

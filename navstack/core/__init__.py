@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from navstack.core.bounded_reading import shortened as shortened
     from navstack.core.bounded_reading import size_text as size_text
     from navstack.core.clearance import clearance_along as clearance_along
+    from navstack.core.clearance import lethal_cells_along as lethal_cells_along
     from navstack.core.collision import footprint_cost as footprint_cost
     from navstack.core.collision import overlaps_obstacle as overlaps_obstacle
     from navstack.core.collision import turn_cost as turn_cost

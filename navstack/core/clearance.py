@@ -1,4 +1,4 @@
-"""Clearance of a path: its distance to the nearest obstacle."""
+"""Clearance of a path: its distance to the nearest obstacle, and the obstacles that it crosses."""
 
 from __future__ import annotations
 
@@ -33,6 +33,38 @@ def clearance_along(costmap: Costmap, xy: NDArray[np.float64]) -> float:
         if distance <= reach or window == g.window:
             return distance
         reach *= 4.0
+
+
+def lethal_cells_along(costmap: Costmap, xy: NDArray[np.float64]) -> tuple[int, float]:
+    """Return how many lethal cells the polyline `xy` (n, >= 2; costmap's frame) crosses, and after how many meters first.
+
+    Exact: every cell of which the line has more than a point counts. (0, inf) without any.
+    """
+    g = costmap.geometry
+    points = np.asarray(xy, dtype=np.float64)[:, :2]
+    cells = (points - (g.origin_x, g.origin_y)) / g.resolution
+    if len(points) == 1:
+        points, cells = np.repeat(points, 2, axis=0), np.repeat(cells, 2, axis=0)
+    crossed: set[tuple[int, int]] = set()
+    first, driven = math.inf, 0.0
+    for (a, b), (p, q) in zip(pairwise(cells), pairwise(points), strict=True):
+        # where the segment crosses the lines of the grid; between two of these points it is in one cell
+        at = [np.array([0.0, 1.0])]
+        for begin, end in zip(a, b, strict=True):
+            if begin != end:
+                lines = np.arange(math.ceil(min(begin, end)), math.floor(max(begin, end)) + 1)
+                at.append(np.clip((lines - begin) / (end - begin), 0.0, 1.0))
+        t = np.unique(np.concatenate(at))
+        middle = np.floor(a + (b - a) * (0.5 * (t[:-1] + t[1:]))[:, None]).astype(np.int64)
+        inside = ((middle >= 0) & (middle < (g.nx, g.ny))).all(axis=1)
+        lethal = np.zeros(len(middle), np.bool_)
+        lethal[inside] = costmap.data[middle[inside, 1], middle[inside, 0]] == LETHAL
+        length = float(np.hypot(*(q - p)))
+        if lethal.any():
+            first = min(first, driven + float(t[int(lethal.argmax())]) * length)
+            crossed.update(map(tuple, middle[lethal].tolist()))
+        driven += length
+    return len(crossed), first
 
 
 def _corner(costmap: Costmap, ix: int, iy: int) -> tuple[float, float]:

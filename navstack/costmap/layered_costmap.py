@@ -34,7 +34,15 @@ from navstack.costmap.inflation_layer import InflationLayer
 from navstack.costmap.static_layer import StaticLayer
 from navstack.costmap.windows import fill_window, shift_cells, window_shift
 from navstack.parameters import CostmapParams
-from navstack.plugins import CellProvenance, Layer, LayerContext, LayerShare, Plugin
+from navstack.plugins import (
+    CellProvenance,
+    Layer,
+    LayerContext,
+    LayerShare,
+    Plugin,
+    broken_contract,
+    plugin_error,
+)
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Origin of the cost of a cell: which layer and which observation source set it, and when.
@@ -191,17 +199,25 @@ class LayeredCostmap:
         if self.rolling_window:
             self._roll(robot)
         bounds = EMPTY
-        for layer in self._layers:
-            grown = layer.update_bounds(robot, now, bounds)
-            if not (
-                grown[0] <= bounds[0] and grown[1] <= bounds[1] and grown[2] >= bounds[2] and grown[3] >= bounds[3]
-            ):
-                raise InternalError(
-                    f'the layer "{layer.name}" of {self.name} shrank the bounds from {tuple(bounds)} to {tuple(grown)}; '
-                    "update_bounds may only grow them: return bounds.union(..)",
-                    layer=layer.name,
-                )
-            bounds = grown
+        layer: Layer | None = None
+        try:
+            for layer in self._layers:
+                grown: Any = layer.update_bounds(robot, now, bounds)
+                if not isinstance(grown, Bounds):
+                    raise broken_contract(layer, f"returned bounds of type {type(grown).__name__}, not Bounds")
+                if not (
+                    grown[0] <= bounds[0] and grown[1] <= bounds[1] and grown[2] >= bounds[2] and grown[3] >= bounds[3]
+                ):
+                    raise InternalError(
+                        f'the layer "{layer.name}" of {self.name} shrank the bounds from {tuple(bounds)} to {tuple(grown)}; '
+                        "update_bounds may only grow them: return bounds.union(..)",
+                        layer=layer.name,
+                    )
+                bounds = grown
+        except NavError:
+            raise
+        except Exception as exc:
+            raise plugin_error(layer, exc) from exc
         master = self.master
         window = master.geometry.window_of(bounds)
         self.bounds = bounds
@@ -209,8 +225,7 @@ class LayeredCostmap:
         self.updated_at = now
         if not window.is_empty:
             self._fill_window(master.data, *window, self.default_cost)
-            for layer in self._layers:
-                layer.update_costs(master, window)
+            self._write_layers(window)
         return window
 
     def is_current(self, now: float) -> bool:
@@ -280,8 +295,26 @@ class LayeredCostmap:
         """Rewrite the whole master grid."""
         master = self.master
         master.data.fill(self.default_cost)
-        for layer in self._layers:
-            layer.update_costs(master, master.geometry.window)
+        self._write_layers(master.geometry.window)
+
+    def _write_layers(self, window: Window) -> None:
+        """Let every layer write into the window. Raises InternalError for one that raises, or that replaces the grid."""
+        master = self.master
+        data, geometry = master.data, master.geometry
+        layer: Layer | None = None
+        try:
+            for layer in self._layers:
+                layer.update_costs(master, window)
+                if master.data is not data or master.geometry is not geometry or data.shape != geometry.shape:
+                    # unusable: planners and critics must not drive on a grid that may be of any size
+                    master.data, master.geometry = np.full(geometry.shape, LETHAL, np.uint8), geometry
+                    raise broken_contract(
+                        layer, f"replaced the grid of {self.name}; update_costs must write into master.data"
+                    )
+        except NavError:
+            raise
+        except Exception as exc:
+            raise plugin_error(layer, exc) from exc
 
     def resize(self) -> None:
         """Resize the grid to the static map or the parameters; observations are cleared."""

@@ -333,10 +333,8 @@ class ObservationBuffer:
         if isinstance(data, LaserScan):
             what, rule = "beams", f"from range_min = {data.range_min:g} m on, +inf included"
             ranges = _ranges_of(data)
-            total, valid = (
-                len(ranges),
-                int(np.count_nonzero((ranges >= min(max(data.range_min, 0.0), FARTHEST)) & (ranges > 0.0))),
-            )
+            near = min(max(data.range_min, 0.0), FARTHEST)
+            total, valid = len(ranges), int(np.count_nonzero((ranges >= near) & (ranges > 0.0)))
             if not data.range_max > max(data.range_min, 0.0):
                 rule, valid = f"range_max = {data.range_max:g} m is not above range_min = {data.range_min:g} m", 0
         else:

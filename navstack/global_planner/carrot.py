@@ -23,7 +23,7 @@ from navstack.core import (
 )
 from navstack.global_planner._search.cells import SearchSpace, navfn_costs
 from navstack.global_planner._search.planning_errors import occupied_data
-from navstack.global_planner._search.start_goal import cells_of, with_yaw_in_range
+from navstack.global_planner._search.start_goal import cells_of, require_finite, with_yaw_in_range
 from navstack.plugins import GLOBAL_PLANNERS, GlobalPlanner, ParamModel, Plan
 
 _SCALE_STEP = 0.01  # carrot_planner.cpp, dScale
@@ -42,10 +42,10 @@ class CarrotPlannerParams(ParamModel):
 class CarrotPlanner(GlobalPlanner):
     """carrot_planner: the goal, moved back along the straight line to the start until the robot fits there.
 
-    The plan consists of the start and that pose, whose heading is interpolated. The cells between them are not checked; that
-    is left to the local planner. The robot fits if no cell under the border of its footprint is lethal or unknown and the
-    cell of its center is not inscribed either; without a footprint only the cell of the center is checked. `Plan.cost` is
-    the length in meters.
+    The plan consists of the start and that pose, whose heading is interpolated. A goal outside the costmap is moved back, too.
+    The cells between them are not checked: as in C++ the plan may pass through walls, and the local planner must stop. The
+    robot fits if no cell under the border of its footprint is lethal or unknown and the cell of its center is not inscribed
+    either; without a footprint only the cell of the center is checked. `Plan.cost` is the length in meters.
     """
 
     Params = CarrotPlannerParams
@@ -62,15 +62,17 @@ class CarrotPlanner(GlobalPlanner):
         footprint: Footprint | None = None,
         keep_potential: bool = False,
     ) -> Plan:
-        """Plan to the pose nearest to the goal where the robot fits.
+        """Plan to the pose nearest to the goal where the robot fits, also for a goal outside the costmap.
 
-        Raises StartOutsideMapError, GoalOutsideMapError, InputError for a pose that is not finite, and GoalOccupiedError when
-        the robot does not fit anywhere on the line.
+        Raises StartOutsideMapError, InputError for a pose that is not finite, and GoalOccupiedError when the robot does not
+        fit anywhere on the line (GoalOutsideMapError if the goal is outside).
         """
         del keep_potential
         began = time.perf_counter()
         start, goal = with_yaw_in_range(start), with_yaw_in_range(goal)
-        _, goal_cell = cells_of(costmap, start, goal)
+        require_finite(start, goal)
+        cells_of(costmap, start, start)
+        goal_cell = costmap.geometry.world_to_cell(goal.x, goal.y)
         turn = angle_between(start.yaw, goal.yaw)
         scale = 1.0
         while scale >= 0.0:
@@ -81,12 +83,17 @@ class CarrotPlanner(GlobalPlanner):
             )
             if _fits(costmap, target, footprint):
                 moved = goal.distance_to(target)
-                notes = (f"the goal was moved back by {moved:.2f} m to where the robot fits",) if moved > 0.0 else ()
+                outside = ", which is outside the costmap," if goal_cell is None else ""
+                note = f"the goal{outside} was moved back by {moved:.2f} m to where the robot fits"
+                notes = (note,) if moved > 0.0 else ()
                 poses = np.array([start, target], dtype=np.float64)
                 length = start.distance_to(target)
                 took = time.perf_counter() - began
                 return Plan(Path(poses, costmap.frame), length, target, moved, notes=notes, took_s=took)
             scale = round(scale - _SCALE_STEP, 10)
+        if goal_cell is None:
+            cells_of(costmap, start, goal)
+        assert goal_cell is not None
         data = occupied_data(SearchSpace(costmap, navfn_costs(False), border_blocked=False), goal_cell)
         raise GoalOccupiedError(
             f"the robot does not fit anywhere on the straight line from ({start.x:.3f}, {start.y:.3f}) to "

@@ -10,8 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import InternalError, plain_kernel
-from navstack.plugins import Critic, RejectionDetail, Rollouts, ScoringContext
+from navstack.core import InternalError, NavError, plain_kernel
+from navstack.plugins import (
+    Critic,
+    RejectionDetail,
+    Rollouts,
+    ScoringContext,
+    broken_contract,
+    plugin_error,
+)
 
 OUTSIDE_LIMITS = -2
 """`rejected_by` of a velocity sample without a trajectory: below the lowest or above the highest speed."""
@@ -41,16 +48,27 @@ def score(critics: Sequence[Critic], context: ScoringContext, rollouts: Rollouts
     totals, rejected_by = np.empty(k), np.empty(k, np.int8)
     best = begin_table(rollouts.counts, alive, costs, totals, rejected_by)
     for i, critic in enumerate(critics):
-        critic.prepare(context)
-        scale = scales[i] = float(critic.scale)
-        if scale == 0.0:
-            continue
-        scores = critic.score(rollouts)
-        if scores.shape != (k,) or scores.dtype != FLOAT64:
+        foreign = not type(critic).__module__.startswith("navstack.")
+        before = rollouts.commands.copy() if foreign else rollouts.commands
+        try:
+            critic.prepare(context)
+            scale = scales[i] = float(critic.scale)
+            if scale == 0.0:
+                continue
+            scores = critic.score(rollouts)
+        except NavError:
+            raise
+        except Exception as exc:
+            raise plugin_error(critic, exc) from exc
+        if not isinstance(scores, np.ndarray) or scores.shape != (k,) or scores.dtype != FLOAT64:
+            is_array = isinstance(scores, np.ndarray)
+            what = f"{scores.dtype} of shape {scores.shape}" if is_array else type(scores).__name__
             raise InternalError(
-                f'critic "{critic.name}" must return {k} float64 scores, not {scores.dtype} of shape {scores.shape}',
+                f'critic "{critic.name}" must return {k} float64 scores, not {what}',
                 critic=critic.name,
             )
+        if foreign and not np.array_equal(rollouts.commands, before, equal_nan=True):
+            raise broken_contract(critic, "wrote into rollouts.commands, which are what the robot is commanded")
         if not scores.flags.c_contiguous:  # another layout would compile another version of the kernel
             scores = scores.copy()
         best = add_scores(scores, scale, i, alive, costs, totals, rejected_by)

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from navstack.move_base.planning import ThreadPlanning as ThreadPlanning
     from navstack.move_base.planning import add_layer as add_layer
     from navstack.move_base.plugin_calls import call as call
+    from navstack.move_base.plugin_calls import checked_flag as checked_flag
     from navstack.move_base.plugin_calls import checked_local_plan as checked_local_plan
     from navstack.move_base.plugin_calls import checked_pose as checked_pose
     from navstack.move_base.plugin_calls import make_plan as make_plan

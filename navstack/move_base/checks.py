@@ -12,10 +12,10 @@ from navstack.move_base.control import ControlInputs
 from navstack.move_base.costmaps import CostmapUpdater
 from navstack.move_base.errors import LostError, NoProgressError, OdometryError, StaleSensorsError
 from navstack.move_base.events import EventPublisher
-from navstack.move_base.plugin_calls import call, checked_status
+from navstack.move_base.plugin_calls import call, checked_flag, checked_problems, checked_status
 from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.states import LOG_STALE, NavEvent
-from navstack.plugins import CostmapServer, LocalizationStatus, Plan, Robot, VelocityLimits
+from navstack.plugins import CostmapServer, LocalizationStatus, Plan, ProgressChecker, Robot, VelocityLimits
 
 
 class Verdict(NamedTuple):
@@ -172,6 +172,16 @@ def _time_to(speed: float, *accelerations: float) -> float:
     return min(speed / min(limits), 1.0) if limits else 0.0
 
 
+def check_progress(checker: ProgressChecker, pose: Pose2D, now: float) -> NavError | None:
+    """Return why a progress checker ends the patience with the robot, at `pose` at `now` (s); None while it makes progress."""
+    try:
+        if call(checker, checker.makes_progress, pose, now, check=checked_flag):
+            return None
+        return NoProgressError(f"the robot {call(checker, getattr, checker, 'failure')}", pose=pose)
+    except NavError as exc:
+        return exc
+
+
 # --- stale sensors ----------------------------------------------------------------------------------------------------
 
 
@@ -194,7 +204,7 @@ class StaleSensorCheck:
         """Return what follows if the robot must not move at `now` (s). `plan`: the plan that it follows, if it does."""
         costmap, cause = self._costmap, self._costmaps.local_error
         try:
-            stale = cause is not None or not call(costmap, costmap.is_current, now, check=bool)
+            stale = cause is not None or not call(costmap, costmap.is_current, now, check=checked_flag)
         except NavError as exc:
             stale, cause = True, exc
         if not stale:
@@ -242,7 +252,7 @@ class StaleSensorCheck:
 def stale_sensors(costmap: CostmapServer, what: str, since: float | None = None) -> StaleSensorsError:
     """Return the error of a costmap a sensor of which `what` since the time `since` (s), with what the costmap reports."""
     try:
-        problems = call(costmap, costmap.problems, check=tuple[NavError, ...])
+        problems = call(costmap, costmap.problems, check=checked_problems)
     except NavError as exc:
         problems = (exc,)
     reasons = "; ".join(problem.message for problem in problems) or "check the sensor and its topic"

@@ -12,8 +12,15 @@ from typing import Final
 from navstack.core import Pose2D, RobotState, Transform2D, angle_between
 from navstack.move_base.costmaps import transform_tolerance
 from navstack.move_base.errors import OdometryError, StaleOdometryError
-from navstack.move_base.plugin_calls import call, checked_pose, checked_state, limits_of, lookup_transform
-from navstack.plugins import ControlInput, CostmapServer, LocalPlanner, Plan, Robot
+from navstack.move_base.plugin_calls import (
+    call,
+    checked_inflation,
+    checked_pose,
+    checked_speed_limit,
+    checked_state,
+    lookup_transform,
+)
+from navstack.plugins import ControlInput, CostmapServer, LocalPlanner, Plan, Robot, limits_of
 
 FACTOR: Final = 3.0
 """A robot may be this many times faster than the local planner's limits: pushed, downhill, or driven by another node."""
@@ -118,7 +125,7 @@ class ControlInputs:
             transform = self.plan_transform(plan, now)
         inflation = None
         for layer in costmap.layers:
-            inflation = layer.inflation
+            inflation = call(layer, getattr, layer, "inflation", check=checked_inflation)
             if inflation is not None:
                 break
         return ControlInput(state, costmap.master, costmap.footprint, transform, inflation, self._tracks_unknown)
@@ -260,7 +267,7 @@ class SpeedLimiter:
         lowest = math.inf
         for costmap in self._costmaps:
             pose = call(costmap, costmap.robot_pose, now, check=checked_pose)
-            limit = call(costmap, costmap.speed_limit, pose.x, pose.y, self._full_speed)
+            limit = call(costmap, costmap.speed_limit, pose.x, pose.y, self._full_speed, check=checked_speed_limit)
             if limit is not None:
                 lowest = min(lowest, limit)
         return lowest if lowest < self._full_speed else None

@@ -7,7 +7,7 @@ from typing import Final
 
 from navstack.core import NavError, Window
 from navstack.move_base.events import EventPublisher, TickResult
-from navstack.move_base.plugin_calls import call
+from navstack.move_base.plugin_calls import call, checked_problems, checked_window
 from navstack.move_base.schedule import EPSILON_S, NEAR_S, Schedule
 from navstack.plugins import CostmapServer, Robot
 
@@ -130,8 +130,8 @@ class CostmapUpdater:
     ) -> tuple[Window | None, NavError | None]:
         """Return the window of the updated cells and the error; publishes the first of several errors in a row."""
         try:
-            window = call(costmap, costmap.update, now)
-            for problem in call(costmap, costmap.problems):
+            window = call(costmap, costmap.update, now, check=checked_window)
+            for problem in call(costmap, costmap.problems, check=checked_problems):
                 self._warn_of_sensor(costmap, problem, now)
             return window, None
         except NavError as exc:

@@ -15,7 +15,14 @@ from navstack.move_base.errors import BusyError, GoalCanceledError, StaleSensors
 from navstack.move_base.events import EventPublisher
 from navstack.move_base.goals import GoalResult, GoalStatus
 from navstack.move_base.output import CommandOutput
-from navstack.move_base.plugin_calls import call, lookup_transform
+from navstack.move_base.plugin_calls import (
+    call,
+    checked_braking,
+    checked_flag,
+    checked_path,
+    checked_pose,
+    lookup_transform,
+)
 from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.parameters import MoveBaseParams
 from navstack.plugins import Behavior, BehaviorContext, BehaviorStep, Plan, Robot
@@ -170,13 +177,22 @@ class MotionRunner:
         step = found if isinstance(found, BehaviorStep) else found.step
         if step is not None:
             if not handle.has_begun:
-                self._publish_target(handle, now)
+                try:
+                    self._publish_target(handle, now)
+                except NavError as exc:
+                    self._end(handle, now, exc)
+                    return
             handle.data = {key: value for key, value in step.data.items() if key != "notes"}
         if not isinstance(found, BehaviorStep):
             handle.text = found.text
             self._end(handle, now, found.error)
             return
-        self._output.tick.local_plan = handle.motion.local_plan
+        motion = handle.motion
+        try:
+            self._output.tick.local_plan = call(motion, getattr, motion, "local_plan", check=checked_braking)
+        except NavError as exc:
+            self._end(handle, now, exc)
+            return
         self._output.send(found.twist, now, SOURCE)
         if self._output.error is not None:
             self._end(handle, now, self._output.error)
@@ -191,7 +207,7 @@ class MotionRunner:
         """Return True if the robot must not move at `now` (s): it stands then. Raises StaleSensorsError after the patience."""
         costmap, patience = self.context.local_costmap, self.params.controller_patience
         cause = self._costmaps.local_error
-        if cause is None and call(costmap, costmap.is_current, now, check=bool):
+        if cause is None and call(costmap, costmap.is_current, now, check=checked_flag):
             self._stale_since = None
             return False
         if self._stale_since is None:
@@ -233,16 +249,19 @@ class MotionRunner:
         handle.has_begun = True
         events, motion = self._events, handle.motion
         frame = self.context.global_costmap.frame
-        if motion.target is not None:
-            x, y, yaw = handle.target = self._to_global(motion.frame, now).apply(motion.target)
+        target, path = motion.target, motion.reference
+        if target is not None:
+            target = call(motion, lambda: target, check=checked_pose)
+            x, y, yaw = handle.target = self._to_global(motion.frame, now).apply(target)
             data = {"id": handle.id, "pose": [x, y, yaw], "frame": frame, "stamp": handle.sent_at}
             events.publish(now, "goal", f'{handle.id}: ends at ({x:.3f}, {y:.3f}, {yaw:.3f}) in "{frame}"', data)
-        what = motion.describe()
+        what = call(motion, motion.describe, check=dict)
         data = {**what, "id": handle.id, "name": motion.name, "frame": motion.frame, "at": now}
         events.publish(now, "motion", f"{motion.name} begins", data)
-        if motion.reference is not None and motion.target is not None and motion.reference.length > 0.0:
-            path = Path(motion.reference.poses, motion.frame)
-            plan = self._output.tick.plan = Plan(path, 0.0, motion.target)
+        if path is not None:
+            path = call(motion, lambda: path, check=checked_path)
+        if path is not None and target is not None and path.length > 0.0:
+            plan = self._output.tick.plan = Plan(Path(path.poses, motion.frame), 0.0, target)
             events.plan(now, plan)
 
     def _publish_end(self, handle: MotionHandle, now: float) -> None:

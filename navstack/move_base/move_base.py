@@ -32,7 +32,14 @@ from navstack.core import (
 from navstack.move_base import planning as plans
 from navstack.move_base import states
 from navstack.move_base.active_goal import ActiveGoal, Feedback
-from navstack.move_base.checks import LostCheck, OscillationChecker, Progress, StaleSensorCheck, StallCheck
+from navstack.move_base.checks import (
+    LostCheck,
+    OscillationChecker,
+    Progress,
+    StaleSensorCheck,
+    StallCheck,
+    check_progress,
+)
 from navstack.move_base.control import ControlInputs, SpeedLimiter
 from navstack.move_base.costmaps import CostmapUpdater, transform_tolerance
 from navstack.move_base.errors import BusyError, GoalReplacedError, GoalTimeLimitError, NoProgressError
@@ -42,12 +49,12 @@ from navstack.move_base.motions import ACTIVITY, MotionRunner
 from navstack.move_base.output import ZERO, CommandOutput
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest, PlanSchedule
 from navstack.move_base.plugin_calls import (
+    brake,
     call,
     check_plugin,
-    checked_braking,
-    checked_local_plan,
+    checked_flag,
     checked_pose,
-    limits_of,
+    compute_command,
     localization_status,
     lookup_transform,
 )
@@ -58,6 +65,7 @@ from navstack.parameters import MoveBaseParams
 from navstack.plugins import (
     Behavior,
     BehaviorContext,
+    CommandLimits,
     ControlInput,
     CostmapServer,
     GlobalPlanner,
@@ -65,6 +73,7 @@ from navstack.plugins import (
     LocalPlanner,
     Plan,
     Robot,
+    limits_of,
 )
 from navstack.safety import CommandChain
 
@@ -162,6 +171,7 @@ class MoveBase:
         self._plans = PlanSchedule(params)
         self._cycles = Schedule(params.controller_frequency)
         self._limiter = SpeedLimiter((local_costmap, global_costmap), local_planner)
+        self._command_limits = CommandLimits(local_planner)
         context = self._context_of(local_planner, params.controller_frequency)
         self._recoveries = Recoveries(recoveries, context, events, recovery_time_limit_s)
         self.motions = MotionRunner(
@@ -317,8 +327,12 @@ class MoveBase:
         if self._goal is not None:
             self._goal.last_progress = now
             self._stall.reset()
-        if self._progress_checker is not None:
-            self._progress_checker.reset()
+        checker = self._progress_checker
+        if checker is not None:
+            try:
+                call(checker, checker.reset)
+            except NavError as exc:
+                self._events.warn(now, exc.message, exc)
 
     def _drop_recovery(self, now: float) -> None:
         self._recoveries.runner.drop(now)
@@ -474,9 +488,10 @@ class MoveBase:
 
     def _take_plan(self, goal: ActiveGoal, plan: Plan, now: float) -> None:
         goal.statistics.plans += 1
-        note = turn_note(plan.path, self._local_planner.limits.min_turning_radius)
-        if note is not None:
-            plan = replace(plan, notes=(*plan.notes, note))
+        with contextlib.suppress(NavError):  # the control cycle repeats the request for the limits
+            note = turn_note(plan.path, limits_of(self._local_planner).min_turning_radius)
+            if note is not None:
+                plan = replace(plan, notes=(*plan.notes, note))
         if self._state.mode is not Mode.CLEARING:
             goal.plan = goal.new_plan = self._output.tick.plan = plan
         self._plans.succeed()
@@ -605,7 +620,7 @@ class MoveBase:
         inputs: ControlInput | None = None
         try:
             inputs = self._inputs.at(goal.plan, now)
-            if call(planner, planner.goal_reached, inputs, check=bool):
+            if call(planner, planner.goal_reached, inputs, check=checked_flag):
                 self._events.info(now, states.LOG_REACHED)
                 self._apply(NavEvent.GOAL_REACHED, now)
                 return
@@ -632,13 +647,16 @@ class MoveBase:
         """Return False, and recover, if oscillation_timeout or the progress checker ends."""
         timeout, distance = self._params.oscillation_timeout, self._params.oscillation_distance
         checker = self._progress_checker
+        error: NavError | None
         if timeout > 0.0 and now >= goal.last_progress + timeout - EPSILON_S:
             text = f"the robot moved less than {distance:g} m in {timeout:g} s"
             error = NoProgressError(text, oscillation_timeout=timeout, oscillation_distance=distance, pose=self._pose)
-        elif checker is not None and self._pose is not None and not checker.makes_progress(self._pose, now):
-            error = NoProgressError(f"the robot {checker.failure}", pose=self._pose)
-        else:
+        elif checker is None or self._pose is None:
             return True
+        else:
+            error = check_progress(checker, self._pose, now)
+            if error is None:
+                return True
         goal.statistics.add_failure(error, now)
         self._events.failure(now, "control_failed", error)
         self._apply(NavEvent.OSCILLATING, now, error)
@@ -652,10 +670,10 @@ class MoveBase:
         if self._limiter.is_needed:
             self._limit_speed(now)
         if stopwatch is None:
-            return call(planner, planner.compute_command, inputs, check=checked_local_plan)
+            return compute_command(planner, inputs, self._command_limits)
         began = stopwatch()
         try:
-            return call(planner, planner.compute_command, inputs, check=checked_local_plan)
+            return compute_command(planner, inputs, self._command_limits)
         finally:
             self._output.tick.control_s = stopwatch() - began
 
@@ -687,7 +705,7 @@ class MoveBase:
             return False
         try:
             inputs = self._inputs.at(goal.plan, now)
-            local_plan = call(planner, planner.brake, inputs, check=checked_braking)
+            local_plan = brake(planner, inputs, self._command_limits)
         except NavError:
             return False
         if local_plan is None:
@@ -887,6 +905,7 @@ class MoveBase:
         if local_planner is not None:
             self._local_planner = self._inputs.planner = local_planner
             self._limiter = limiter
+            self._command_limits = CommandLimits(local_planner)
             self._recoveries.followed.clear()  # the effects were on the previous planner
         self._planning.abandon()
         self._local_plan = None

@@ -445,7 +445,7 @@ def plan_without_driving(
     master = costmap.master
     robot: Pose2D | None = None
     try:
-        robot = plugin_calls.call(costmap, costmap.robot_pose, now)
+        robot = plugin_calls.call(costmap, costmap.robot_pose, now, check=plugin_calls.checked_pose)
     except FrameError:
         if start is None:
             raise
@@ -514,7 +514,10 @@ def add_layer(costmap: CostmapServer, error: E) -> E:
     ix, iy = cell
     if not master.geometry.contains_cell(ix, iy) or int(master.data[iy, ix]) != cost:
         return error
-    found = plugin_calls.call(costmap, costmap.explain, ix, iy)
+    try:
+        found = plugin_calls.call(costmap, costmap.explain, ix, iy)
+    except NavError:
+        return error  # an explanation that fails must not replace the error
     if found is None or found.set_by is None:
         return error
     data = {**error.data, "layer": found.set_by, "source": found.source, "stamp": found.stamp}

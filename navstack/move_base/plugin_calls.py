@@ -2,18 +2,16 @@
 
 A plugin may raise any exception and return any value. `call` turns exceptions into an InternalError that names the plugin,
 its file and line; a `check` is what a result must be, and all of them are here, but for the steps of a behavior, which
-`BehaviorRunner` checks for robots without a goal manager, too.
+`BehaviorRunner` checks for robots without a goal manager, too, and what layers do to the grid, which `LayeredCostmap` checks
+after each layer.
 """
 
 from __future__ import annotations
 
-import sys
-import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import isfinite
-from pathlib import Path as FilePath
-from types import TracebackType
-from typing import Any, Final, TypeVar, TypeVarTuple, overload
+from typing import Any, TypeVar, TypeVarTuple, overload
 
 import numpy as np
 
@@ -23,29 +21,32 @@ from navstack.core import (
     InputError,
     InternalError,
     NavError,
+    Path,
     PlanningError,
     Pose2D,
     RobotState,
     Transform2D,
     Twist2D,
+    Window,
 )
 from navstack.plugins import (
+    CommandLimits,
+    ControlInput,
     GlobalPlanner,
+    Inflation,
     LocalizationStatus,
     LocalPlan,
     LocalPlanner,
     Plan,
     Robot,
-    VelocityLimits,
+    broken_contract,
+    name_of,
+    plugin_error,
+    shown,
 )
 
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
-
-_LIBRARIES: Final = frozenset(
-    {*sys.stdlib_module_names, "numpy", "numba", "scipy", "shapely", "pydantic", "pydantic_core"}
-)
-"""Packages whose frames are skipped in the search for the line of a plugin that raised."""
 
 
 @overload
@@ -89,7 +90,7 @@ def make_plan(
     plan = call(planner, request, check=checked_plan)
     if plan.path.frame != costmap.frame:
         frames = f'in the frame "{plan.path.frame}", not in the costmap\'s frame "{costmap.frame}"'
-        raise _broken_contract(planner, f"returned a plan {frames}")
+        raise broken_contract(planner, f"returned a plan {frames}")
     return plan
 
 
@@ -98,16 +99,26 @@ def lookup_transform(robot: Robot, target: str, source: str, now: float, toleran
 
     Raises NavError.
     """
-    return call(robot, _lookup, robot, target, source, now, tolerance_s)
+    return call(robot, _lookup, robot, target, source, now, tolerance_s, check=checked_transform)
 
 
 def _lookup(robot: Robot, target: str, source: str, now: float, tolerance_s: float) -> Transform2D:
     return robot.frames.lookup(target, source, now, tolerance_s)
 
 
-def limits_of(planner: LocalPlanner) -> VelocityLimits:
-    """Return the present limits of the local planner. Raises NavError."""
-    return call(planner, getattr, planner, "limits", check=checked_limits)
+def compute_command(planner: LocalPlanner, inputs: ControlInput, limits: CommandLimits) -> LocalPlan:
+    """Return the local planner's command, which is finite and keeps the `limits`. Raises NavError."""
+    plan = call(planner, planner.compute_command, inputs, check=checked_local_plan)
+    limits.check(planner, plan.command, inputs.state.velocity)
+    return plan
+
+
+def brake(planner: LocalPlanner, inputs: ControlInput, limits: CommandLimits) -> LocalPlan | None:
+    """Return the local planner's command to brake; None to stop at once. Raises NavError."""
+    plan = call(planner, planner.brake, inputs, check=checked_braking)
+    if plan is not None:
+        limits.check(planner, plan.command, inputs.state.velocity)
+    return plan
 
 
 def localization_status(robot: Robot) -> LocalizationStatus | None:
@@ -135,7 +146,7 @@ class WrongResultError(Exception):
             return self.kind(self.problem.replace("{plugin}", name), **self.data)
         if self.kind is not InternalError:
             return self.kind(f"{name} {self.problem}", planner=name)
-        return _broken_contract(plugin, self.problem)
+        return broken_contract(plugin, self.problem)
 
 
 def checked_pose(pose: Any) -> Pose2D:
@@ -166,38 +177,83 @@ def checked_status(status: Any) -> LocalizationStatus | None:
     raise WrongResultError(f"has a localization_status of type {type(status).__name__}, not LocalizationStatus")
 
 
+def checked_transform(transform: Any) -> Transform2D:
+    """Return a transform if it is finite."""
+    if not isinstance(transform, Transform2D):
+        raise WrongResultError(f"returned a {type(transform).__name__}, not a Transform2D")
+    if not isfinite(transform[0] + transform[1] + transform[2]):
+        raise WrongResultError(f"returned the transform {tuple(transform)}, which is not finite")
+    return transform
+
+
+def checked_flag(value: Any) -> bool:
+    """Return a truth value: True or False, not what counts as one."""
+    if value is True or value is False:
+        return value
+    if isinstance(value, np.bool_):
+        return bool(value)
+    raise WrongResultError(f"returned {shown(value)}, a {type(value).__name__}, not True or False")
+
+
 def checked_plan(plan: Any) -> Plan:
     """Return a plan if it is not empty and finite."""
     if plan is None:
         raise WrongResultError("returned None instead of a plan or an error", PlanningError)
     if not isinstance(plan, Plan):
         raise WrongResultError(f"returned a {type(plan).__name__}, not a Plan")
+    path = checked_path(plan.path)
+    if path is not plan.path:
+        plan = replace(plan, path=path)
     if len(plan.path) == 0:
         raise WrongResultError("returned an empty plan", PlanningError)
+    if not isinstance(plan.goal, Pose2D) or not all(map(_is_number, (*plan.goal, plan.cost, plan.goal_moved_m))):
+        raise WrongResultError("returned a plan whose goal is no Pose2D, or whose goal or cost are no numbers")
     if not np.isfinite(plan.path.poses).all() or not plan.goal.is_finite():
         raise WrongResultError("returned a plan that is not finite")
+    _check_array("a plan with a potential", plan.potential, 2)
+    _check_notes(plan.notes)
     return plan
 
 
-def checked_limits(limits: Any) -> VelocityLimits:
-    """Return the limits of a local planner."""
-    if not isinstance(limits, VelocityLimits):
-        raise WrongResultError(f"has limits of type {type(limits).__name__}, not VelocityLimits")
-    return limits
+def checked_path(path: Any) -> Path:
+    """Return a path of any length if its poses are an array (n, 3) of numbers, as float64."""
+    if not isinstance(path, Path):
+        raise WrongResultError(f"returned a plan with a path of type {type(path).__name__}, not Path")
+    poses: Any = path.poses
+    if not isinstance(poses, np.ndarray) or poses.dtype.kind not in "fiu" or poses.ndim != 2 or poses.shape[1] != 3:
+        kind = f"{poses.dtype} of shape {poses.shape}" if isinstance(poses, np.ndarray) else type(poses).__name__
+        raise WrongResultError(f"returned a path whose poses are {kind}, not float64 of shape (n, 3)")
+    frame: Any = path.frame
+    if not isinstance(frame, str):
+        raise WrongResultError(f"returned a path in a frame of type {type(frame).__name__}, not str")
+    return path if poses.dtype == np.float64 else Path(poses.astype(np.float64), path.frame)
 
 
 def checked_local_plan(plan: Any) -> LocalPlan:
-    """Return a local plan if its command is finite."""
+    """Return a local plan if its command is finite, and the arrays that explain it are arrays."""
     if not isinstance(plan, LocalPlan):
         raise WrongResultError(f"returned a {type(plan).__name__}, not a LocalPlan")
     twist: Any = plan.command
-    try:
-        # see checked_pose
-        valid = isinstance(twist, Twist2D) and (isfinite(twist[0] + twist[1] + twist[2]) or twist.is_finite())
-    except TypeError:  # a component is not a number
-        valid = False
-    if not valid:
+    # a finite sum of floats has finite terms; the terms of another one may be finite all the same
+    if not isinstance(twist, Twist2D) or not (
+        (type(twist[0]) is type(twist[1]) is type(twist[2]) is float and isfinite(twist[0] + twist[1] + twist[2]))
+        or (all(map(_is_number, twist)) and twist.is_finite())
+    ):
         raise WrongResultError(f"commands {twist}, which is not a Twist2D of three finite numbers")
+    if plan.samples is not None:
+        _check_array("a LocalPlan with samples", plan.samples, 2)
+        _check_array("a LocalPlan with costs", plan.costs, 2)
+        _check_array("a LocalPlan with totals", plan.totals, 1)
+        _check_array("a LocalPlan with rejected_by", plan.rejected_by, 1)
+        if not plan.best < len(plan.samples):
+            raise WrongResultError(f"selects sample {plan.best} of {len(plan.samples)}")
+    _check_array("a LocalPlan with a trajectory", plan.trajectory, 2)
+    if plan.local_plan is not None:
+        checked_path(plan.local_plan)
+    if plan.notes:
+        _check_notes(plan.notes)
+    if type(plan.mode) is not str:
+        raise WrongResultError(f"returned a LocalPlan with a mode of type {type(plan.mode).__name__}, not str")
     return plan
 
 
@@ -206,63 +262,55 @@ def checked_braking(plan: Any) -> LocalPlan | None:
     return None if plan is None else checked_local_plan(plan)
 
 
+def checked_inflation(inflation: Any) -> Inflation | None:
+    """Return what a layer writes around obstacles; None for a layer that does not inflate."""
+    if inflation is None or (isinstance(inflation, Inflation) and all(map(_is_number, inflation))):
+        return inflation
+    raise WrongResultError(f"has an inflation {shown(inflation)}, not an Inflation of three numbers or None")
+
+
+def checked_speed_limit(limit: Any) -> float | None:
+    """Return a speed limit (m/s); None without a limit."""
+    if limit is None or (_is_number(limit) and limit == limit):
+        return limit
+    raise WrongResultError(f"returned the speed limit {shown(limit)}, not a speed (m/s) or None")
+
+
+def checked_window(window: Any) -> Window:
+    """Return the window of the cells that a costmap has updated."""
+    if isinstance(window, Window):
+        return window
+    raise WrongResultError(f"returned a {type(window).__name__}, not a Window")
+
+
+def checked_problems(problems: Any) -> tuple[NavError, ...]:
+    """Return why sensors of a costmap are not used."""
+    found = tuple(problems)
+    for problem in found:
+        if not isinstance(problem, NavError):
+            raise WrongResultError(f"reports a problem of type {type(problem).__name__}, not a NavError")
+    return found
+
+
 def check_plugin(plugin: Any, kind: type) -> None:
     """Raise InputError unless `plugin` is None or of the given kind."""
     if plugin is not None and not isinstance(plugin, kind):
         raise InputError(f"{type(plugin).__name__} is not a {kind.__name__}; the previous one remains in use")
 
 
-def _broken_contract(plugin: object, problem: str) -> InternalError:
-    name = name_of(plugin)
-    return InternalError(f"{name} {problem}; please report this to its author", plugin=name)
+def _is_number(value: Any) -> bool:
+    """Return True for a real number, NaN and infinity included."""
+    return isinstance(value, (float, int, np.floating, np.integer)) and not isinstance(value, bool)
 
 
-# --- errors -----------------------------------------------------------------------------------------------------------
+def _check_array(what: str, value: Any, dimensions: int) -> None:
+    if value is None:
+        return
+    if not isinstance(value, np.ndarray) or value.ndim != dimensions or value.dtype.kind not in "fiub":
+        kind = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+        raise WrongResultError(f"returned {what} that is {kind}, not an array of numbers of {dimensions} dimension(s)")
 
 
-def name_of(plugin: object) -> str:
-    """Return the instance name of a recovery behavior or a costmap, the class name of any other plugin."""
-    if isinstance(plugin, type):
-        return plugin.__name__
-    name = getattr(plugin, "name", None)
-    return name if isinstance(name, str) else type(plugin).__name__
-
-
-def plugin_error(plugin: object, exc: BaseException) -> InternalError:
-    """Return an InternalError for an exception raised by a plugin.
-
-    The message has the plugin's name, the exception, and the file and line of the deepest frame outside of the standard
-    library and of navstack's dependencies. `data["traceback"]` has the traceback. File names are relative to their entry of
-    `sys.path`, so that records do not depend on where a plugin is installed.
-    """
-    frames = _frames(exc.__traceback__)
-    own = [frame for module, frame in frames if module.partition(".")[0] not in _LIBRARIES] or [f for _, f in frames]
-    text = str(exc)
-    exception = f"{type(exc).__name__}: {text}" if text else type(exc).__name__
-    where = f"{own[-1].filename}:{own[-1].lineno}" if own else "unknown location"
-    listing = traceback.format_list([frame for _, frame in frames]) + traceback.format_exception_only(exc)
-    return InternalError(
-        f"{name_of(plugin)} raised {exception} ({where})",
-        plugin=name_of(plugin),
-        exception=exception,
-        location=where,
-        traceback="".join(["Traceback (most recent call last):\n", *listing]),
-    )
-
-
-def _frames(trace: TracebackType | None) -> list[tuple[str, traceback.FrameSummary]]:
-    """Return the module name and the summary of every frame below this module, the deepest last."""
-    found: list[tuple[str, traceback.FrameSummary]] = []
-    for (frame, _), at in zip(traceback.walk_tb(trace), traceback.extract_tb(trace)):
-        module = str(frame.f_globals.get("__name__", ""))
-        if module != __name__:
-            found.append(
-                (module, traceback.FrameSummary(_relative(at.filename), at.lineno, at.name, line=at.line or ""))
-            )
-    return found
-
-
-def _relative(file: str) -> str:
-    """Return a file name relative to the longest entry of `sys.path` that contains it."""
-    roots = [root for root in sys.path if root and FilePath(file).is_relative_to(root)]
-    return FilePath(file).relative_to(max(roots, key=len)).as_posix() if roots else file
+def _check_notes(notes: Any) -> None:
+    if not isinstance(notes, Sequence) or not all(isinstance(note, str) for note in notes):
+        raise WrongResultError(f"returned notes that are not sentences: {shown(notes)}")

@@ -10,7 +10,7 @@ from navstack.behaviors import BehaviorEnd, BehaviorRunner
 from navstack.core import NavError, RobotState
 from navstack.move_base.errors import RecoveryTimeoutError
 from navstack.move_base.events import EventPublisher
-from navstack.move_base.plugin_calls import call
+from navstack.move_base.plugin_calls import call, checked_flag
 from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.states import NavState
 from navstack.plugins import Behavior, BehaviorContext, BehaviorStatus
@@ -95,7 +95,7 @@ class Recoveries:
         """Follow up on ended behaviors whose effects last."""
         for behavior in list(self.followed):
             try:
-                lasts = call(behavior, behavior.follow_up, state, now, check=bool)
+                lasts = call(behavior, behavior.follow_up, state, now, check=checked_flag)
             except NavError as exc:
                 self._events.warn(now, exc.message, exc)
                 lasts = False

@@ -77,6 +77,13 @@ if TYPE_CHECKING:
     from navstack.plugins.global_planner import GlobalPlanner as GlobalPlanner
     from navstack.plugins.global_planner import Plan as Plan
     from navstack.plugins.global_planner import Smoother as Smoother
+    from navstack.plugins.guards import CommandLimits as CommandLimits
+    from navstack.plugins.guards import broken_contract as broken_contract
+    from navstack.plugins.guards import limits_of as limits_of
+    from navstack.plugins.guards import name_of as name_of
+    from navstack.plugins.guards import own_speeds as own_speeds
+    from navstack.plugins.guards import plugin_error as plugin_error
+    from navstack.plugins.guards import shown as shown
     from navstack.plugins.local_planner import ControlDiagnostics as ControlDiagnostics
     from navstack.plugins.local_planner import ControlInput as ControlInput
     from navstack.plugins.local_planner import LocalPlan as LocalPlan

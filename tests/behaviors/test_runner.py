@@ -24,7 +24,7 @@ from navstack.plugins import (
 from tests.move_base.world import Bench
 
 STATE = RobotState(Pose2D(0.0, 0.0))
-CONTEXT = cast("BehaviorContext", None)
+CONTEXT = Bench().move_base.recovery_context
 
 
 class Scripted(Behavior[None]):

@@ -26,9 +26,10 @@ def test_list_and_picture(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> 
 
 def test_table_with_a_planner_that_finds_no_plan(capfd: pytest.CaptureFixture[str]) -> None:
     query = [*QUERY[:2], "--start", "0.8,7.45", "--goal", "15.0,12.0"]  # on a table
-    assert run([*query, "--compare", "carrot_planner,astar"]) == 0
+    assert run([*query, "--compare", "carrot_planner,astar"]) == 1  # the plan of the carrot passes through walls
     captured = capfd.readouterr()
     assert "no plan" in captured.out
+    assert "carrot_planner: the path crosses" in captured.err
     assert "astar: the goal (15.000, 12.000) is in a cell of cost lethal" in captured.err
 
 
@@ -139,3 +140,19 @@ def test_the_smoother_is_named_and_timed(capfd: pytest.CaptureFixture[str]) -> N
 def test_parameters_are_an_argument_of_check(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "--params", "turtlebot"]) == 2
     assert "Give it without --params: navstack check PARAMS..|SCENARIO.yaml" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--planner", "--compare"])
+def test_a_plan_through_walls_is_no_success(option: str, capfd: pytest.CaptureFixture[str]) -> None:
+    query = [*QUERY[:2], "--start", "0.8,7.45", "--goal", "20.0,13.0"]
+    assert run([*query, option, "carrot_planner"]) == 1
+    assert "lethal cells, the first after" in capfd.readouterr().err
+    assert run([*query, option, "carrot_planner", "--json"]) == 1
+    found = json.loads(capfd.readouterr().out)
+    document = found[0] if isinstance(found, list) else found
+    assert document["lethal_cells"] > 4
+    assert 0.0 < document["first_lethal_m"] < document["length_m"]
+    assert run([*query, option, "navfn", "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    document = found[0] if isinstance(found, list) else found
+    assert (document["lethal_cells"], document["first_lethal_m"]) == (0, None)

@@ -49,13 +49,18 @@ def with_yaw_in_range(pose: Pose2D) -> Pose2D:
     return pose._replace(yaw=normalize_angle(pose.yaw))
 
 
-def cells_of(costmap: Costmap, start: Pose2D, goal: Pose2D) -> tuple[Cell, Cell]:
-    """The cells that contain start and goal; raises InputError, StartOutsideMapError or GoalOutsideMapError."""
+def require_finite(start: Pose2D, goal: Pose2D) -> None:
+    """Raise InputError for a pose that is not finite."""
     for name, pose in (("start", start), ("goal", goal)):
         if not pose.is_finite():
             raise InputError(
                 f"the {name} ({pose.x}, {pose.y}, {pose.yaw}) is not finite; specify x, y (m) and yaw (rad)", pose=pose
             )
+
+
+def cells_of(costmap: Costmap, start: Pose2D, goal: Pose2D) -> tuple[Cell, Cell]:
+    """The cells that contain start and goal; raises InputError, StartOutsideMapError or GoalOutsideMapError."""
+    require_finite(start, goal)
     g = costmap.geometry
     left, right, bottom, top = g.extent
     found: list[Cell] = []
