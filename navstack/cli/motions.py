@@ -92,7 +92,9 @@ class MotionOptions(NamedTuple):
             obstacles=obstacles,
             shapes=shapes,
         )
-        print_warnings(scenario.configuration, self.params or [str(file)], self.set_, distro=self.distro)
+        print_warnings(
+            scenario.configuration, self.params or [str(file)], self.set_, distro=self.distro, simulated=True
+        )
         return scenario
 
     def _from_map(self, name: str, start: Pose2D | None) -> Scenario:
@@ -106,7 +108,7 @@ class MotionOptions(NamedTuple):
             )
         params = self.params or ["turtlebot"]
         configuration = load_configuration(params, overrides=self.set_, distro=self.distro)
-        print_warnings(configuration, params, self.set_, distro=self.distro)
+        print_warnings(configuration, params, self.set_, distro=self.distro, simulated=True)
         note_off_the_map(grid, start, ())
         obstacles, shapes = parse_obstacles(self.obstacle)
         return Scenario(

@@ -84,9 +84,16 @@ def print_warnings(
     overrides: Sequence[str] = (),
     *,
     distro: str | None = None,
+    simulated: bool = False,
 ) -> None:
-    """Print the warnings about the parameters of these sources to stderr; see `print_findings`."""
+    """Print the warnings about the parameters of these sources to stderr; see `print_findings`.
+
+    `simulated`: a robot is simulated, so a sensor that is assumed is noted.
+    """
     print_findings(configuration.findings, sources, overrides, distro=distro)
+    if simulated and _verbosity == Verbosity.NORMAL:
+        for assumed in [f for f in configuration.findings if f.rule == "assumed-lidar"][:1]:
+            print_note(assumed.message)
 
 
 def print_findings(

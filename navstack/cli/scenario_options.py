@@ -87,7 +87,7 @@ class ScenarioOptions(NamedTuple):
             shapes=shapes,
         )
         sources = self.params or [str(self.map_)]
-        print_warnings(scenario.configuration, sources, self.set_, distro=self.distro)
+        print_warnings(scenario.configuration, sources, self.set_, distro=self.distro, simulated=True)
         spec.check_start(scenario)
         return scenario
 
@@ -100,7 +100,7 @@ class ScenarioOptions(NamedTuple):
         configuration = load_configuration(
             params, overrides=self.set_, distro=self.distro, allow_missing=self.allow_missing
         )
-        print_warnings(configuration, params, self.set_, distro=self.distro)
+        print_warnings(configuration, params, self.set_, distro=self.distro, simulated=True)
         note_off_the_map(grid, start, goals)
         return Scenario(
             map=grid,

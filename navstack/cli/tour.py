@@ -110,7 +110,7 @@ class TourOptions(NamedTuple):
         names = tuple(step_text(step) for step in steps) or self._names(file, places)
         start = self._start(file, places)
         configuration = load_configuration(self.params, overrides=self.set_, distro=self.distro)
-        print_warnings(configuration, self.params, self.set_, distro=self.distro)
+        print_warnings(configuration, self.params, self.set_, distro=self.distro, simulated=True)
         obstacles, shapes = parse_obstacles(self.obstacle)
         scenario = Scenario(
             map=grid,

@@ -412,6 +412,7 @@ class ObstacleLayer(Layer):
                     s.max_obstacle_height,
                     s.marking,
                     s.sensor_frame,
+                    s.raytrace_range,
                 )
                 for name, s in params.sources.items()
             },

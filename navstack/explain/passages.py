@@ -87,9 +87,9 @@ class RequiredWidths:
     low_cost: float
     """Narrowest passage whose centerline costs less than `HIGH_COST`."""
     robot: float
-    """Width of the robot: twice the inscribed radius of the unpadded footprint."""
+    """Width of the robot: that of the unpadded footprint across its narrow side; of a round one its diameter."""
     turning: float
-    """Twice the circumscribed radius: the width for a turn in place."""
+    """Twice the circumscribed radius of the unpadded footprint: the width for a turn in place; of a round one its diameter."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the widths for JSON."""
@@ -170,6 +170,16 @@ class PassageReport:
 # --- rating -----------------------------------------------------------------------------------------------------------
 
 
+def own_width(footprint: Footprint) -> float:
+    """Return the width of a footprint across its narrow side (m); of one that stands for a circle, the circle's diameter."""
+    if footprint.is_round:
+        return 2.0 * footprint.circumscribed_radius
+    hull = np.array(footprint.polygon.convex_hull.exterior.coords)
+    edges = np.diff(hull, axis=0)
+    across = np.column_stack((-edges[:, 1], edges[:, 0])) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
+    return round(float(np.ptp(hull @ across.T, axis=0).min()), 9)
+
+
 class PassageRater:
     """Rates passages in a costmap for the robot of a configuration."""
 
@@ -177,8 +187,8 @@ class PassageRater:
         self.master = master
         self.inflation = inflation
         self.inscribed = chosen.footprint.inscribed_radius
-        self.circumscribed = chosen.footprint.circumscribed_radius
-        self.robot_width = 2.0 * chosen.true_footprint.inscribed_radius
+        self.circumscribed = chosen.true_footprint.circumscribed_radius
+        self.robot_width = own_width(chosen.true_footprint)
 
     def passage(self, place: NarrowPlace) -> Passage:
         """Return the rated passage at a narrow place."""
@@ -321,6 +331,8 @@ WIDENING_M = 0.15
 Smaller changes are a rough wall or a row of posts.
 """
 WIDENING = 0.25
+_TURNS = 1.5
+"""Default of the largest width to search, in widths for a turn in place."""
 _LEAST_UPPER_LIMIT_M = 1.25
 
 
@@ -339,8 +351,8 @@ def find_passages(
     """Doors, corridors and gaps between obstacles of a map, rated by the `global` or `local` costmap.
 
     `narrowest` and `widest` limit the widths (m); the defaults are the inscribed radius (half the width of the robot) and
-    the width at which inflation ends. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps next to
-    smaller free-standing obstacles, which the robot can drive around. `unknown_is_wall` treats unknown space as walls, for
+    the width at which inflation ends, at least 1.25 m and one and a half times the width for a turn
+    in place. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps next to smaller free-standing obstacles, which the robot can drive around. `unknown_is_wall` treats unknown space as walls, for
     maps whose walls are unknown cells. For a robot that is not round, `PassageReport.shapes` has the headings at which it passes
     and, with a `turning_radius` (m; default: that of base and controller), a way through. `progress(done, total)` is called
     after each of these.
@@ -351,7 +363,7 @@ def find_passages(
     inflation = next((x for x in live.layers if isinstance(x, InflationLayer) and x.params.enabled), None)
     radius = float(inflation.params.inflation_radius) if inflation is not None else 0.0
     low = chosen.footprint.inscribed_radius if narrowest is None else narrowest
-    high = _upper_limit(live, radius) if widest is None else widest
+    high = _upper_limit(live, radius, chosen.true_footprint) if widest is None else widest
     if not (0.0 <= low <= high and math.isfinite(high)):
         raise InputError(
             f"--narrowest {low:g} m and --widest {high:g} m leave no width; give --narrowest below --widest",
@@ -398,9 +410,14 @@ def _walled(costmap: Costmap, wall: NDArray[np.bool_]) -> Costmap:
     return Costmap(costmap.geometry, np.where(wall, LETHAL, costmap.data).astype(np.uint8), costmap.frame)
 
 
-def _upper_limit(live: LayeredCostmap, inflation_radius: float) -> float:
-    """Return the width from which on inflation does not reach the centerline, but at least that of a door (m)."""
-    return max(_LEAST_UPPER_LIMIT_M, 2.0 * (inflation_radius + live.master.geometry.resolution))
+def _upper_limit(live: LayeredCostmap, inflation_radius: float, footprint: Footprint) -> float:
+    """Return the largest width to search (m).
+
+    That from which on inflation does not reach the centerline, but at least that of a door, and one and a half times what the
+    robot needs for a turn in place.
+    """
+    inflated = 2.0 * (inflation_radius + live.master.geometry.resolution)
+    return max(_LEAST_UPPER_LIMIT_M, inflated, _TURNS * 2.0 * footprint.circumscribed_radius)
 
 
 def _search(

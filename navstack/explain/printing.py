@@ -191,20 +191,32 @@ def print_passages(out: Console, report: PassageReport, name: str, *, only: int 
             f"[{_PASSAGE_STYLE[passage.rating]}]{LABELS[passage.rating]}[/]",
             escape(passage.reason + length),
         )
-    out.print(table)
-    if report.shapes is not None:
-        _print_shapes(out, report, only)
+    if report.passages:
+        out.print(table)
+        if report.shapes is not None:
+            _print_shapes(out, report, only)
     narrower = f"; {report.narrower} narrower (--narrowest 0 lists them)" if report.narrower else ""
     smaller = f" next to obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
+    if not report.passages:
+        out.print(
+            f"passages of {escape(name)}: none narrower than {report.widest:.2f} m{smaller}{narrower}", soft_wrap=True
+        )
+        _print_widths(out, report)
+        return
     by_costs = "by the costs on their centerlines: " if report.shapes is not None else ""
     out.print(
         f"{by_costs}{passage_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m{smaller}{narrower}",
         soft_wrap=True,
     )
+    _print_widths(out, report)
+
+
+def _print_widths(out: Console, report: PassageReport) -> None:
     w = report.widths
+    less = " by the costs, less than the robot is wide: it may collide" if w.minimum < w.robot - 1e-9 else ""
     out.print(
-        f"this robot: minimum width {w.minimum:.2f} m, low-cost width {w.low_cost:.2f} m, turning width {w.turning:.2f} m, "
-        f"own width {w.robot:.2f} m"
+        f"this robot: own width {w.robot:.2f} m, turning width {w.turning:.2f} m, low-cost width {w.low_cost:.2f} m, "
+        f"minimum width {w.minimum:.2f} m{less}"
     )
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,6 +48,9 @@ from navstack.plugins import (
     RecoveryBehavior,
     Registry,
 )
+
+if TYPE_CHECKING:
+    from navstack.parameters.lidar_description import DescribedLidar
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Convert costmap parameters from before ROS Hydro: without `plugins`, with all parameters at the costmap's own level.
@@ -233,6 +238,12 @@ def _load(
 # Sources of parameters -> typed configuration with all findings; errors do not stop the search for further errors.
 
 
+_USUAL_WORDS = frozenset(
+    {"params", "param", "common", "costmap", "local", "global", "planner", "base", "move", "launch", "config", "robot"}
+)
+"""Words of the names of parameter files that do not say which robot is meant."""
+
+
 class Loader:
     """Loads one set of sources."""
 
@@ -244,6 +255,7 @@ class Loader:
         self.findings = read.findings
         self.files = read.files
         self.overrides = frozenset(read.overrides)
+        self._sources = read
         self.complete = not any(f.severity == "error" for f in read.findings)
         """False if a source could not be read: rules about missing parameters would mislead."""
         self.not_in_use: list[Space] = []
@@ -291,7 +303,7 @@ class Loader:
             configuration = Configuration(
                 **parts, smoother=smoother, findings=(), tree=self.root, origins=self.binder.origins
             )
-            sim = simulated(configuration)
+            sim = simulated(configuration, self._described)
             configuration = replace(configuration, navstack=configuration.navstack.model_copy(update={"sim": sim}))
             if self.complete:
                 self.findings += check_rules(configuration, consequences)
@@ -301,6 +313,28 @@ class Loader:
         unused = unused_parameters(self.root, self.binder, self.overrides, meant, consequences)
         self.findings += [f for f in unused if f.severity != "info" or not f.key.startswith(sections)]
         return configuration
+
+    def _described(self) -> list[DescribedLidar]:
+        """The lidars that the robot's own files describe."""
+        from navstack.parameters.lidar_description import described_lidars  # only for robots that do not say
+
+        read = self._sources
+        words = {word for file in read.files for word in Path(file).stem.lower().split("_")} - _USUAL_WORDS
+        hints = [
+            *(value for value in read.arguments.values() if len(value) > 2),
+            *sorted(w for w in words if len(w) > 3),
+        ]
+        found = described_lidars(sorted(read.named), read.descriptions, hints)
+        for lidar in found:
+            if lidar.filtered:
+                continue
+            message = (
+                f"the lidar on {lidar.topic} is simulated as this file describes it: {math.degrees(lidar.fov):.0f} degrees, "
+                f"{lidar.beams} beams, {lidar.range_min:g} to {lidar.range_max:g} m, at ({lidar.x:g}, {lidar.y:g}) m; "
+                "navstack/sim sets other values"
+            )
+            self.findings.append(finding("info", "described-lidar", Location(lidar.file), "", message))
+        return found
 
     # --- parts --------------------------------------------------------------------------------------------------------
 

@@ -206,14 +206,15 @@ def read_launch_xml(path: Path, shown: str) -> Element:
     except (OSError, ValueError) as exc:
         message = f"{shown} cannot be read: {getattr(exc, 'strerror', None) or exc}"
         raise RejectedLaunchFileError("cannot-read", Location(shown), message) from exc
-    top = _parse(data, shown)
+    top = parse_xml(data, shown)
     if top.tag != "launch":
         message = f"the root of the file is <{top.tag}>, not <launch>; name a launch file"
         raise RejectedLaunchFileError("xml", Location(shown, top.line, top.column), message)
     return top
 
 
-def _parse(data: bytes, shown: str) -> Element:
+def parse_xml(data: bytes, shown: str) -> Element:
+    """Return the top element of an XML text; raise RejectedLaunchFileError."""
     root = Element("", {}, 1, 1)
     stack = [root]
     parser = expat.ParserCreate()

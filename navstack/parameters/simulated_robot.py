@@ -5,15 +5,22 @@ What `navstack: sim:` sets is kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from navstack.parameters.configuration_types import Configuration
+from navstack.parameters.lidar_description import DescribedLidar
 from navstack.parameters.models.sim import BumperParams, LidarParams, SimParams
 from navstack.plugins import CostmapSetup, Problem, SensorSource, rule
 
 FIRST = "laser"
 """Name of the simulated lidar of a robot without `navstack/sim/lasers`."""
+
+ASSUMED_FOV = 1.5 * math.pi
+"""Field of view of a lidar that no file of the robot describes (rad)."""
+ASSUMED_RANGE_MIN = 0.05
+_SIMULATED = ("LaserScan", "PointCloud2")
 
 
 def sources_of(costmaps: Sequence[CostmapSetup], *, enabled_only: bool = True) -> dict[str, SensorSource]:
@@ -27,38 +34,93 @@ def sources_of(costmaps: Sequence[CostmapSetup], *, enabled_only: bool = True) -
     }
 
 
-def follow_sources(sim: SimParams, sources: Sequence[SensorSource], base_frame: str) -> SimParams:
-    """Return the simulated robot with one lidar for each topic of laser scans, unless `lasers` is written.
+def follow_sources(
+    sim: SimParams,
+    sources: Sequence[SensorSource],
+    base_frame: str,
+    described: Callable[[], Sequence[DescribedLidar]] = tuple,
+) -> SimParams:
+    """Return the simulated robot with one lidar for each topic of scans or clouds, unless `lasers` is written.
 
-    Topic, frame (`sensor_frame`) and height are those of the source; what the namespace of a lidar sets is kept. Poses are not
-    in the YAML of move_base: the lidars have the default one.
+    Topic, frame (`sensor_frame`) and height are those of the source; field of view, ranges and pose those of the robot's files
+    (`described`), otherwise assumed. What the namespace of a lidar sets is kept. An assumed value is none that is set.
     """
-    scans = {s.topic.strip("/"): s for s in reversed(sources) if s.data_type == "LaserScan"}
+    other = {sim.bumper(name).topic.strip("/") for name in sim.bumpers}
+    wanted = [s for kind in _SIMULATED for s in sources if s.data_type == kind and s.topic.strip("/") not in other]
+    scans = {s.topic.strip("/"): s for s in reversed(wanted)}
     if "lasers" in sim.model_fields_set or not scans:
         return sim
-    lidars: dict[str, LidarParams] = {}
     own = sim.sensors.get(FIRST)
     first = own.topic.strip("/") if isinstance(own, LidarParams) and "topic" in own.model_fields_set else ""
     topics = sorted(scans, key=lambda topic: (topic != first, list(reversed(scans)).index(topic)))
     if first and first not in scans:
         return sim
-    for number, topic in enumerate(topics, 1):
-        name = FIRST if number == 1 else f"{FIRST}_{number}"
-        written = sim.sensors.get(name)
-        lidar = written if isinstance(written, LidarParams) else LidarParams()
-        lidars[name] = _lidar(lidar, topic, scans[topic], number, base_frame)
+    reach = {t: max(s.raytrace_range for s in wanted if s.topic.strip("/") == t) for t in scans}
+    known = match_lidars(topics, described())
+    lidars: dict[str, LidarParams] = {}
+    frames: dict[str, DescribedLidar | None] = {}
+    for topic in topics:
+        for found in known[topic] or [None]:
+            number = len(lidars) + 1
+            name = FIRST if number == 1 else f"{FIRST}_{number}"
+            written = sim.sensors.get(name)
+            lidar = written if isinstance(written, LidarParams) else LidarParams()
+            made = _lidar(lidar, topic, scans[topic], number, base_frame, found, reach[topic])
+            if frames.setdefault(made.frame, found) != found:
+                made = made.model_copy(update={"frame": f"{made.frame}_{number}"})
+            lidars[name] = made
     return sim.model_copy(update={"lasers": list(lidars), "sensors": {**sim.sensors, **lidars}})
 
 
-def _lidar(lidar: LidarParams, topic: str, source: SensorSource, number: int, base_frame: str) -> LidarParams:
+def _lidar(
+    lidar: LidarParams,
+    topic: str,
+    source: SensorSource,
+    number: int,
+    base_frame: str,
+    found: DescribedLidar | None,
+    reach: float,
+) -> LidarParams:
     """The lidar that feeds a source; what the user wrote is kept."""
-    frame = source.sensor_frame or (lidar.frame if number == 1 else f"{topic.replace('/', '_')}_link")
-    values: dict[str, Any] = {"topic": topic, "frame": frame}
-    if not source.min_height <= lidar.height <= source.max_height and source.max_height > 0.0:
+    values: dict[str, Any] = {"topic": topic, "message": source.data_type}
+    assumed: dict[str, Any] = {}
+    if found is not None:
+        frame = source.sensor_frame or found.frame
+        values |= {name: getattr(found, name) for name in found.FIELDS}
+    else:
+        frame = source.sensor_frame or (lidar.frame if number == 1 else f"{topic.replace('/', '_')}_link")
+        assumed = {"fov": ASSUMED_FOV, "range_min": ASSUMED_RANGE_MIN, "range_max": reach}
+        assumed = {k: v for k, v in assumed.items() if k not in lidar.model_fields_set}
+        if not assumed.get("range_min", lidar.range_min) < assumed.get("range_max", lidar.range_max):
+            assumed.pop("range_max", None)  # a source that clears nothing
+    values["frame"] = frame
+    height = values.get("height", lidar.height)
+    if not source.min_height <= height <= source.max_height and source.max_height > 0.0:
         values["height"] = 0.5 * (max(source.min_height, 0.0) + source.max_height)
     if frame == base_frame:
         values |= {"x": 0.0, "y": 0.0, "yaw": 0.0}
-    return lidar.model_copy(update={k: v for k, v in values.items() if k not in lidar.model_fields_set})
+    kept = lidar.model_fields_set
+    made = lidar.model_copy(update=assumed | {k: v for k, v in values.items() if k not in kept})
+    made.model_fields_set.difference_update(assumed)
+    return made
+
+
+def match_lidars(topics: Sequence[str], described: Sequence[DescribedLidar]) -> dict[str, list[DescribedLidar]]:
+    """Return the lidars of the robot's files that feed each topic: by topic, by its last part, else all that feed no topic.
+
+    Several lidars of one topic are merged there; a topic that no lidar publishes is a filtered or merged one.
+    """
+    found: dict[str, list[DescribedLidar]] = {
+        topic: [lidar for lidar in described if lidar.topic == topic] for topic in topics
+    }
+    for topic in topics:
+        last = topic.rpartition("/")[2]
+        found[topic] = found[topic] or [lidar for lidar in described if lidar.topic.rpartition("/")[2] == last]
+    used = [lidar for lidars in found.values() for lidar in lidars]
+    rest = [lidar for lidar in described if lidar.filtered] or [lidar for lidar in described if lidar not in used]
+    for topic in topics:
+        found[topic] = found[topic] or rest
+    return found
 
 
 # --- sideways velocities ----------------------------------------------------------------------------------------------
@@ -87,11 +149,14 @@ def follow_planner(sim: SimParams, params: Any) -> SimParams:
     return sim.model_copy(update={"kinematics": "holonomic"})
 
 
-def simulated(configuration: Configuration) -> SimParams:
-    """Return the simulated robot that follows the observation sources and the local planner of a configuration."""
+def simulated(configuration: Configuration, described: Callable[[], Sequence[DescribedLidar]] = tuple) -> SimParams:
+    """Return the simulated robot that follows the observation sources and the local planner of a configuration.
+
+    `described` reads the lidars of the robot's files; it is called if they are needed.
+    """
     costmaps = configuration.costmaps
     sources = list(sources_of(costmaps).values())
-    sim = follow_sources(configuration.navstack.sim, sources, costmaps[1].robot_base_frame)
+    sim = follow_sources(configuration.navstack.sim, sources, costmaps[1].robot_base_frame, described)
     return follow_planner(sim, configuration.local_planner.params)
 
 
@@ -122,7 +187,7 @@ def simulated_robot_blind(configuration: Configuration) -> Iterator[Problem]:
         for path, source in sources.items():
             if source.topic.strip("/") != lidar.topic.strip("/"):
                 continue
-            mismatch = _mismatch(source, lidar.height)
+            mismatch = _mismatch(source, lidar.height, lidar.message)
             if mismatch is None:
                 return
             problem, names = mismatch
@@ -137,10 +202,10 @@ def simulated_robot_blind(configuration: Configuration) -> Iterator[Problem]:
     yield Problem(parameters, f"the simulated robot is blind: {problem}")
 
 
-def _mismatch(source: SensorSource, height: float) -> tuple[str, tuple[str, str]] | None:
-    """Why a source does not take a laser scan at a height (m), and the parameters that decide it; None if it does."""
-    if source.data_type != "LaserScan":
-        return f"its data_type is {source.data_type}, not LaserScan", ("data_type", "topic")
+def _mismatch(source: SensorSource, height: float, message: str) -> tuple[str, tuple[str, str]] | None:
+    """Why a source does not take a message of a lidar at a height (m), and the parameters that decide it; None if it does."""
+    if source.data_type != message:
+        return f"its data_type is {source.data_type}, not {message}", ("data_type", "topic")
     if not source.min_height <= height <= source.max_height:
         heights = f"from {source.min_height:g} to {source.max_height:g} m"
         return f"it accepts heights {heights}, and the lidar is at {height:g} m", (
@@ -153,8 +218,9 @@ def _mismatch(source: SensorSource, height: float) -> tuple[str, tuple[str, str]
 @rule("assumed-lidar", "info")
 def assumed_lidar(configuration: Configuration) -> Iterator[Problem]:
     """The YAML of move_base names the topic of a lidar, not its field of view, range or pose. Without `navstack/sim`,
-    a lidar is simulated for each topic of laser scans, with the frame and heights of its source and the values in
-    the message.
+    a lidar is simulated for each topic of scans or clouds, with the frame and heights of its source. Field of view,
+    ranges and pose are those of a lidar in the URDF or xacro files of the robot's packages; without them, 270 degrees
+    from 0.05 m to the costmap's raytrace range are assumed, with the values in the message.
 
     Fix: write those of the real lidar: `navstack: {sim: {laser: {fov: 4.71, range_max: 30.0, x: 0.2}}}`.
     """
@@ -165,9 +231,10 @@ def assumed_lidar(configuration: Configuration) -> Iterator[Problem]:
         if path is None or "fov" in lidar.model_fields_set:
             continue
         message = (
-            f"the lidar on {lidar.topic} is simulated with a field of view of {lidar.fov:g} rad, ranges from {lidar.range_min:g} "
-            f"to {lidar.range_max:g} m, {lidar.x:g} m ahead of the center, {lidar.height:g} m high; set fov, range_max "
-            f"and x of the real one: `navstack: {{sim: {{{name}: {{fov: .., range_max: ..}}}}}}`"
+            f"no file of the robot describes the sensor on {lidar.topic}, so it is assumed: "
+            f"{math.degrees(lidar.fov):.0f} degrees, {lidar.range_min:g} to {lidar.range_max:g} m, {lidar.x:g} m ahead of the "
+            f"center, {lidar.height:g} m high; set "
+            f"those of the real one: `navstack: {{sim: {{{name}: {{fov: .., range_max: ..}}}}}}`"
         )
         yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)
 
@@ -181,9 +248,10 @@ def _seen_sources(configuration: Configuration) -> dict[str, SensorSource]:
 
 def _is_fed(sim: SimParams, source: SensorSource) -> bool:
     """True if a simulated sensor publishes what a source listens to."""
-    scans = {sim.lidar(name).topic.strip("/") for name in sim.lasers}
+    fed = {(sim.lidar(name).message, sim.lidar(name).topic.strip("/")) for name in sim.lasers}
     clouds = {sim.bumper(name).topic.strip("/") for name in sim.bumpers}
-    return source.topic.strip("/") in (scans if source.data_type == "LaserScan" else clouds)
+    topic = source.topic.strip("/")
+    return (source.data_type, topic) in fed or (source.data_type != "LaserScan" and topic in clouds)
 
 
 @rule("nothing-feeds", "warning")
@@ -199,11 +267,12 @@ def nothing_feeds(configuration: Configuration) -> Iterator[Problem]:
         if _is_fed(sim, source) or topic in reported:
             continue
         reported.add(topic)
-        fix = "a depth camera is not simulated, so set data_type: LaserScan to simulate it as a lidar"
-        if source.data_type == "LaserScan":
+        fix = "set data_type: PointCloud2 to simulate it from the rays of a lidar"
+        if source.data_type in _SIMULATED:
+            message = "" if source.data_type == "LaserScan" else f", message: {source.data_type}"
             name = topic.replace("/", "_")
             lasers = ", ".join([*sim.lasers, name])
-            fix = f"write `navstack: {{sim: {{lasers: [{lasers}], {name}: {{topic: {topic}}}}}}}`"
+            fix = f"write `navstack: {{sim: {{lasers: [{lasers}], {name}: {{topic: {topic}{message}}}}}}}`"
         message = f"nothing feeds {path}: no simulated sensor publishes {source.data_type} on {topic}; {fix}"
         yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)
 

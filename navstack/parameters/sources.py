@@ -298,7 +298,8 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str | Override] 
     if not named:
         message = f"no parameters are named; name a folder, files or {_sets()}"
         out.add_finding("error", "no-source", Location("--params"), message)
-    out.named = {resolved(Path(str(s).partition("@")[0])) for s in named if isinstance(s, (str, Path))}
+    texts = [str(s).partition("@")[0] for s in named if isinstance(s, (str, Path))]
+    out.named = {resolved(Path(text)) for text in texts if text not in packaged_sets()}
     for source in named:
         if isinstance(source, Mapping):
             node = to_node(source, Location("(a Python mapping)"))
@@ -358,7 +359,9 @@ def _read_named(out: Sources, text: str) -> None:
         if not _read_through_launch(out, path, shown, namespace):
             load_folder(out, path, shown, namespace)
     elif exists(path) and path.suffix in (".launch", ".xml"):
-        space = LaunchReader(out.findings, out.files).read(path, path_text, out.arguments)
+        reader = LaunchReader(out.findings, out.files)
+        space = reader.read(path, path_text, out.arguments)
+        out.descriptions += reader.descriptions
         if space is not None:
             overlay(out.root, space.as_node(), out.findings)
     elif exists(path):
@@ -396,6 +399,7 @@ def _read_through_launch(out: Sources, folder: Path, shown: str, namespace: str)
     out.add_finding("info", "through-launch", Location(shown), f"the folder is loaded through its launch file {name}")
     out.findings += reader.findings
     out.files += reader.files
+    out.descriptions += reader.descriptions
     overlay(out.root, space.as_node(), out.findings)
     return True
 

@@ -188,6 +188,8 @@ class Sources:
     """Files read, as shown in messages, in order."""
     named: set[Path] = field(default_factory=set[Path])
     """Absolute paths of the files and folders that the user named."""
+    descriptions: list[tuple[Path, dict[str, str]]] = field(default_factory=list[tuple[Path, dict[str, str]]])
+    """URDF and xacro files that launch files name, each with its arguments."""
     overrides: list[str] = field(default_factory=list[str])
     """Names of the overrides in messages."""
     arguments: dict[str, str] = field(default_factory=dict[str, str])

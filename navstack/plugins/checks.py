@@ -126,6 +126,8 @@ class SensorSource:
     marking: bool = True
     sensor_frame: str = ""
     """Frame of the sensor's origin; empty: that of the message."""
+    raytrace_range: float = 0.0
+    """Space farther away is not cleared (m)."""
 
 
 @dataclass(frozen=True, slots=True)

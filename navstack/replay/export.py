@@ -296,7 +296,7 @@ class _Names:
 def _heights(run: Run) -> dict[str, float]:
     """Return the height (m) of the frames of lidars: in the plane of the simulation, scans carry it."""
     sim = run.scenario.configuration.navstack.sim
-    return {sim.lidar(name).frame: sim.lidar(name).height for name in sim.lasers}
+    return sim.scan_heights
 
 
 def _ns(time: float) -> int:

@@ -356,7 +356,7 @@ class SimNode:
     def _publish_static(self) -> None:
         robot = self.robot
         sim = self.scenario.configuration.navstack.sim
-        heights = {sim.lidar(name).frame: sim.lidar(name).height for name in sim.lasers}
+        heights = sim.scan_heights
         own = (robot.map_frame, robot.odom_frame, robot.base_frame)
         stamp, names = self._ns(0.0), self.names
         mounted = [frame for frame in robot.frames.frames() if frame not in own]

@@ -63,6 +63,10 @@ EXPLAIN_FAILURES: Final = frozenset({"scoring-scale"})
 """Rules of `navstack check` whose finding explains robots that stop or turn in place."""
 
 
+EXPLAIN_COLLISIONS: Final = frozenset({"assumed-lidar", "nothing-feeds", "simulated-robot-blind"})
+"""Rules whose finding explains collisions: the simulated robot sees other things than the real one."""
+
+
 @dataclass(frozen=True, slots=True)
 class GoalOutcome:
     """How one goal ended."""
@@ -108,11 +112,14 @@ class GoalOutcome:
         }
 
 
-def advice_for(goals: Sequence[GoalOutcome], findings: Sequence[Finding]) -> tuple[str, ...]:
-    """Return the findings of the rules that explain failed goals, with file and line; none if no goal failed."""
-    if all(goal.succeeded for goal in goals):
-        return ()
-    return tuple(f"{f.location}: {f.message}" for f in findings if f.rule in EXPLAIN_FAILURES)
+def advice_for(goals: Sequence[GoalOutcome], findings: Sequence[Finding], collisions: int = 0) -> tuple[str, ...]:
+    """Return the findings that explain failed goals and collisions, with file and line; none if there was neither."""
+    rules: set[str] = set()
+    if not all(goal.succeeded for goal in goals):
+        rules |= EXPLAIN_FAILURES
+    if collisions:
+        rules |= EXPLAIN_COLLISIONS
+    return tuple(f"{f.location}: {f.message}" for f in findings if f.rule in rules)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

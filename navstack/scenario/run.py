@@ -292,7 +292,7 @@ class Run:
             timings=self.timings,
             min_clearance_m=self._measurements.min_clearance(),
             warnings=self._warnings.warnings(),
-            advice=advice_for(self.outcomes, self.scenario.configuration.findings),
+            advice=advice_for(self.outcomes, self.scenario.configuration.findings, len(self.robot.collisions)),
         )
 
     def metrics(self) -> RunMetrics:

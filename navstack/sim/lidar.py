@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import DeferredScan, LaserScan, Pose2D, RangeReading, Transform2D, kernel
+from navstack.core import DeferredScan, LaserScan, PointCloud, Pose2D, RangeReading, Transform2D, kernel
 from navstack.parameters import LidarParams, SonarParams
 from navstack.sim.solids import Solids, polygon_contains
 from navstack.sim.world import World
@@ -256,14 +256,21 @@ class Lidar:
         self._seed = seed
         self._number = number
 
-    def scan(self, world: World, base: Pose2D, index: int, stamp: float, solids: Solids | None = None) -> LaserScan:
-        """Returns scan number `index`, with the robot's base at `base` (map frame) at `stamp` (s).
+    def scan(
+        self, world: World, base: Pose2D, index: int, stamp: float, solids: Solids | None = None
+    ) -> LaserScan | PointCloud:
+        """Returns scan (or cloud) number `index`, with the robot's base at `base` (map frame) at `stamp` (s).
 
         `solids`: the obstacles at that time, if known. A pure function of its arguments and the seed: scans are independent of
         each other, and the ranges are computed when they are first read.
         """
         p = self.params
         solids_then = world.solids_at(stamp) if solids is None else solids
+        if p.message == "PointCloud2":
+            ranges = self._ranges(world, base, index, solids_then)
+            seen = np.isfinite(ranges) & (ranges < p.range_max)
+            points = np.column_stack((self._beams[seen] * ranges[seen, None], np.full(int(seen.sum()), p.height)))
+            return PointCloud(points.astype(np.float32), stamp, p.frame, p.topic)
         return DeferredScan(
             lambda: self._ranges(world, base, index, solids_then),
             self._angle_min,

@@ -80,7 +80,8 @@ def test_a_door_is_as_narrow_as_the_robot_or_not(long_robot: Configuration) -> N
 
 @pytest.mark.parametrize("padding", [0.0, 0.05])
 def test_a_round_robot_has_no_headings(padding: float) -> None:
-    padded = load_configuration(["turtlebot"], overrides=[f"footprint_padding={padding}"])
+    both = [f"{costmap}/footprint_padding={padding}" for costmap in ("global_costmap", "local_costmap")]
+    padded = load_configuration(["turtlebot"], overrides=both)
     assert find_passages(padded, two_rooms({0.0: 0.9})).shapes is None
 
 

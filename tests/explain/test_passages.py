@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 from scipy import ndimage
 
-from navstack.core import INSCRIBED, GridGeometry, InputError, OccupancyGrid
-from navstack.explain import PassageReport, find_passages
+from navstack.core import INSCRIBED, Footprint, GridGeometry, InputError, OccupancyGrid
+from navstack.explain import PassageReport, find_passages, print_passages
 from navstack.explain.narrow_places import narrow_places
+from navstack.explain.passages import own_width
 from navstack.map_io import load_map
 from navstack.parameters import Configuration, load_configuration
 from tests.explain.rooms import RESOLUTION, bare_room, two_rooms, with_boxes
@@ -326,3 +329,38 @@ def test_the_doors_of_willow_garage(turtlebot: Configuration, data_dir: Path, na
     for passage in found.passages:
         assert (passage.clearance <= found.inscribed_radius) == (passage.rating == "blocked"), passage
         assert passage.width <= 2.0 * (passage.clearance + found.costmap.geometry.resolution)
+
+
+def test_the_widths_of_a_round_robot_agree(turtlebot: Configuration) -> None:
+    """The polygon that stands for a circle is narrower between its sides; the robot is not."""
+    room = OccupancyGrid(np.zeros((60, 60), np.int8), GridGeometry(60, 60, 0.05))
+    configuration = load_configuration(["turtlebot"], overrides=["global_costmap/footprint_padding=0.0"])
+    radius = configuration.global_costmap.true_footprint.circumscribed_radius
+    widths = find_passages(configuration, room).widths
+    assert widths.robot == widths.turning == pytest.approx(2.0 * radius)
+    # a cost is that of a cell: without padding, the costs let the robot into openings that are a cell too narrow
+    assert widths.minimum == pytest.approx(0.35) and widths.minimum < widths.robot
+    out = Console(file=StringIO(), width=200)
+    print_passages(out, find_passages(configuration, room), "room")
+    assert "by the costs, less than the robot is wide" in out.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_the_width_of_a_footprint_is_across_its_narrow_side() -> None:
+    shape = Footprint(np.array([[-0.2, -0.5], [0.9, -0.5], [0.9, 0.1], [-0.2, 0.1]]))  # off center
+    assert own_width(shape) == pytest.approx(0.6)
+    turned = Footprint(shape.vertices @ np.array([[0.6, 0.8], [-0.8, 0.6]]))
+    assert own_width(turned) == pytest.approx(0.6)
+
+
+def test_the_search_is_as_wide_as_the_robot_needs_and_says_that_it_found_none() -> None:
+    large = "[[-1.5,-1.0],[1.5,-1.0],[1.5,1.0],[-1.5,1.0]]"
+    configuration = load_configuration(
+        ["turtlebot"], overrides=[f"{c}_costmap/footprint={large}" for c in ("local", "global")]
+    )
+    room = OccupancyGrid(np.zeros((200, 200), np.int8), GridGeometry(200, 200, 0.05))
+    report = find_passages(configuration, room)
+    assert report.widest == pytest.approx(1.5 * 2.0 * np.hypot(1.5, 1.0))
+    out = Console(file=StringIO(), width=200)
+    print_passages(out, report, "room")
+    shown = out.file.getvalue()  # type: ignore[attr-defined]
+    assert shown.startswith(f"passages of room: none narrower than {report.widest:.2f} m") and "no." not in shown

@@ -827,7 +827,7 @@ def test_the_simulated_lidars_follow_the_observation_sources() -> None:
     ]
     assert not [f for f in loaded.findings if f.severity == "warning"]
     [assumed, _] = [f.message for f in loaded.findings if f.rule == "assumed-lidar"]
-    assert "1 rad" in assumed and "0.45 to 6 m" in assumed and "navstack: {sim: {laser: {fov" in assumed
+    assert "270 degrees" in assumed and "0.05 to 3 m" in assumed and "navstack: {sim: {laser: {fov" in assumed
     # what the user says is kept, and not assumed
     own = sources(front=front) | {"navstack": {"sim": {"laser": {"fov": 4.7, "frame": "mine", "x": 0.3}}}}
     kept = load_configuration([own])
@@ -838,10 +838,10 @@ def test_the_simulated_lidars_follow_the_observation_sources() -> None:
 
 def test_sources_that_the_simulated_robot_does_not_feed_are_warnings() -> None:
     scan = {"data_type": "LaserScan", "topic": "scan"}
-    camera = {"data_type": "PointCloud2", "topic": "camera/points"}
+    camera = {"data_type": "PointCloud", "topic": "camera/points"}
     [found] = [f for f in check(sources(scan=scan, camera=camera)) if f.severity == "warning"]
     assert (
-        found.rule == "nothing-feeds" and "camera/points" in found.message and "data_type: LaserScan" in found.message
+        found.rule == "nothing-feeds" and "camera/points" in found.message and "data_type: PointCloud2" in found.message
     )
     # the line of the message helps
     two = sources(scan=scan, rear={"data_type": "LaserScan", "topic": "rear"})

@@ -7,7 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, GridGeometry, InputError, OccupancyGrid, Pose2D, Transform2D, Twist2D
+from navstack.core import (
+    Footprint,
+    GridGeometry,
+    InputError,
+    LaserScan,
+    OccupancyGrid,
+    PointCloud,
+    Pose2D,
+    Transform2D,
+    Twist2D,
+)
 from navstack.plugins import Robot
 from navstack.sim import LidarParams, SimParams, SimulatedRobot, World
 from tests.sim.worlds import ascii_map
@@ -213,6 +223,22 @@ def test_two_lidars() -> None:
     assert "".join(scan.topic for scan in it.scans()) == "abaabaab"
     with pytest.raises(InputError, match="two sensors have the frame"):
         robot(SimParams(lasers=["a", "b"], sensors={"a": LidarParams(), "b": LidarParams(yaw=1.0)}))
+
+
+def test_a_cloud_holds_the_points_that_the_beams_of_the_scan_hit() -> None:
+    both = {
+        "scan": LidarParams(frame="a", topic="scan", fov=2.0, beams=41, x=0.2, yaw=0.3, range_min=0.05),
+        "cloud": LidarParams(frame="b", topic="cloud", fov=2.0, beams=41, x=0.2, yaw=0.3, range_min=0.05, height=0.4),
+    }
+    both["cloud"] = both["cloud"].model_copy(update={"message": "PointCloud2"})
+    it = robot(SimParams(lasers=["scan", "cloud"], sensors={**both}), world=corridor(2, 0.05))
+    scan, cloud = it.scans()
+    assert isinstance(scan, LaserScan) and isinstance(cloud, PointCloud)
+    angles = scan.angle_min + scan.angle_increment * np.arange(41)
+    seen = np.isfinite(scan.ranges)
+    assert 0 < seen.sum() < 41
+    expected = np.column_stack((np.cos(angles), np.sin(angles)))[seen] * scan.ranges[seen, None]
+    assert np.allclose(cloud.points[:, :2], expected, atol=1e-6) and np.all(cloud.points[:, 2] == np.float32(0.4))
 
 
 # --- collision ----------------------------------------------------------------------------------------------------------

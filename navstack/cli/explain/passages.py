@@ -62,7 +62,7 @@ class PassageOptions(NamedTuple):
         typer.Option(
             "--widest",
             metavar="M",
-            help="Largest width to report (m). [default: where inflation ends, at least 1.25 m]",
+            help="Largest width to report (m). [default: where inflation ends, at least 1.25 m and 1.5 times the turning width]",
             min=0.0,
         ),
     ] = None

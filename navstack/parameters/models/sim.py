@@ -224,6 +224,9 @@ class LidarParams(ParamModel):
     no_return: Literal["inf", "max"] = param(
         "inf", "value of a beam without a return: inf: +inf (REP 117); max: range_max, as older drivers do"
     )
+    message: Literal["LaserScan", "PointCloud2"] = param(
+        "LaserScan", "LaserScan: ranges; PointCloud2: the points that its beams hit, at its height"
+    )
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:
@@ -488,6 +491,12 @@ class SimParams(BodyParams):
     def lidars(self) -> dict[str, LidarParams]:
         """Parameters of the lidars that have a namespace, by name."""
         return {name: p for name, p in self.sensors.items() if isinstance(p, LidarParams)}
+
+    @property
+    def scan_heights(self) -> dict[str, float]:
+        """Height (m) of the frame of each lidar that publishes scans; the points of clouds are above the ground themselves."""
+        lidars = [self.lidar(name) for name in self.lasers]
+        return {lidar.frame: lidar.height for lidar in lidars if lidar.message == "LaserScan"}
 
     def _sensor(self, name: str, kind: type[S]) -> S:
         found = self.sensors.get(name)
