@@ -21,6 +21,11 @@ below, for other programs than the simulator:
     print(handle.status.name, handle.text)
 """
 
+from navstack import _interrupts
+
+if _interrupts.is_command():
+    _interrupts.end_quietly()
+
 from typing import TYPE_CHECKING
 
 __version__ = "0.2.0"

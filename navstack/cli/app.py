@@ -18,6 +18,7 @@ from typing import Annotated, Any, Final
 import typer
 import typer.main
 
+from navstack import _interrupts
 from navstack.cli import interrupts as internal_error
 from navstack.cli.interrupts import raised_terminations
 from navstack.cli.lazy_group import NEGATIVE_NUMBERS, LazyCommand, group_of
@@ -295,6 +296,7 @@ def _run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit code. Raises the exceptions that navstack does not know."""
     as_json = "--json" in arguments
     try:
+        _interrupts.raise_again()
         code = app(args=_global_first(arguments), prog_name="navstack", standalone_mode=False)
         sys.stdout.flush()  # at the exit, an error could no longer be reported
         return code if isinstance(code, int) else 0
@@ -407,4 +409,7 @@ def main() -> None:
     """Runs the command line of this process and exits with its exit code."""
     # imports make many objects that stay: collecting them again and again takes 0.1 s
     gc.set_threshold(100_000, 20, 20)
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    if _interrupts.is_command():
+        _interrupts.end_quietly()  # also while Python ends
+    sys.exit(code)

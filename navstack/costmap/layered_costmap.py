@@ -95,7 +95,10 @@ def explain_cell(costmap: LayeredCostmap, ix: int, iy: int, *, follow: bool = Tr
 
 
 EMPTY: Final = Bounds()
-MAX_CELLS: Final = 400_000_000
+MAX_CELLS: Final = 50_000_000
+"""Largest size of a costmap by its parameters; maps have a limit of their own."""
+BYTES_PER_CELL: Final = 35
+"""What master grid, layers and planner need, about."""
 FARTHEST: Final = 1e9
 """Largest valid coordinate of the robot (m): float64 cannot resolve cells beyond."""
 
@@ -342,8 +345,9 @@ class LayeredCostmap:
         if nx < 1 or ny < 1 or nx * ny > MAX_CELLS:
             raise InputError(
                 f"{self.name}: width {params.width:g} m and height {params.height:g} m at a resolution of "
-                f"{params.resolution:g} m make {_count(nx)} x {_count(ny)} cells; "
-                f"choose between 1 and {MAX_CELLS:,} cells in total",
+                f"{params.resolution:g} m make {_count(nx)} x {_count(ny)} cells"
+                f"{_memory(nx * ny)}; choose between 1 and {MAX_CELLS:,} cells in total: lower width and height, or raise "
+                "resolution",
                 costmap=self.name,
             )
         return GridGeometry(nx, ny, params.resolution, params.origin_x, params.origin_y)
@@ -375,6 +379,11 @@ class LayeredCostmap:
 def _without_drift(summed: float, counted: float) -> float:
     """Return the origin summed up over the shifts, or the one counted in cells if they differ by a nanometer."""
     return summed if abs(summed - counted) < 1e-9 else counted
+
+
+def _memory(cells: int) -> str:
+    """Return what that many cells need, as a part of a sentence; empty for few of them."""
+    return f", which need about {max(1, round(cells * BYTES_PER_CELL / 1e9)):,} GB" if cells > MAX_CELLS else ""
 
 
 def _count(cells: int) -> str:

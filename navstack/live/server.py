@@ -12,6 +12,7 @@ import errno
 import hmac
 import ipaddress
 import json
+import re
 import secrets
 import socket
 import time
@@ -89,10 +90,14 @@ class Gate:
         return any(text is not None and hmac.compare_digest(text.encode(), self.token.encode()) for text in given)
 
 
+_HOST: Final = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([\w.-]+)|([0-9A-Fa-f:.]+))(?(3)|(?::\d{1,5})?)", re.ASCII)
+"""An address of IPv6 in brackets, or a name, with or without a port; or an address of IPv6 without brackets."""
+
+
 def _without_port(header: str) -> str:
-    if header.startswith("["):
-        return header[1:].partition("]")[0]
-    return header.rpartition(":")[0] if header.count(":") == 1 else header
+    """Return the host of a Host header; empty for anything else, such as the name of a user before it."""
+    found = _HOST.fullmatch(header)
+    return "" if found is None else next(filter(None, found.groups()), "")
 
 
 def _is_address(name: str) -> bool:

@@ -16,10 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from copy import copy
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import model_validator
 
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, plain_kernel
 from navstack.local_planner import parameter_checks as checks
@@ -33,7 +34,7 @@ from navstack.local_planner.critics.twirling import TwirlingParams
 from navstack.local_planner.goal_checkers import LatchingGoalChecker
 from navstack.local_planner.map_grid import RosDistro
 from navstack.local_planner.overlap import Overlap
-from navstack.local_planner.rollouts import check_points
+from navstack.local_planner.rollouts import check_points, check_samples
 from navstack.local_planner.sampling_planner import SamplingPlanner, control_period
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.plugins import (
@@ -193,6 +194,11 @@ class DWAParams(ParamModel):
         None, "ordered critics instead of the seven of move_base: a list of {name, type}; an addition of navstack"
     )
     critic_params: dict[str, Any] = param({}, "parameters of listed critics, from the namespaces of their names")
+
+    @model_validator(mode="after")
+    def _check_samples(self) -> Self:
+        check_samples({name: max(1, getattr(self, name)) for name in ("vx_samples", "vy_samples", "vth_samples")})
+        return self
 
     @classmethod
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:

@@ -3,14 +3,28 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import InputError, plain_kernel
 from navstack.plugins import RolloutCells, Rollouts, ScoringContext
 
-MAX_POINTS = 20_000_000
-"""More points per cycle (about half a gigabyte) indicate a mistake in the granularities or the limits."""
+MAX_POINTS = 5_000_000
+"""More points per cycle (about half a second of work) indicate a mistake in the granularities or the limits."""
+
+
+def check_samples(numbers: Mapping[str, int]) -> None:
+    """Raise ValueError if the numbers of samples of each axis, by parameter, multiply to more than `MAX_POINTS` samples."""
+    samples = math.prod(numbers.values())
+    if samples > MAX_POINTS:
+        product = " * ".join(f"{name} {number:,}" for name, number in numbers.items())
+        raise ValueError(
+            f"{product} make {samples:,} trajectories in a cycle; lower the numbers to at most {MAX_POINTS:,} in total (usual "
+            "are some hundred)"
+        )
 
 
 def check_points(samples: int, longest: int) -> None:

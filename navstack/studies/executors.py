@@ -13,7 +13,9 @@ import threading
 import time
 import uuid
 from collections import deque
+from collections.abc import Generator
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Final, Self
@@ -127,7 +129,8 @@ class ProcessExecutor:
         state = _ProcessState(os.getcwd(), dict(os.environ))  # noqa: PTH109
         process: BaseProcess = self._context.Process(target=_serve, args=(theirs, self._work, state), daemon=True)
         try:
-            process.start()
+            with _blocked_interrupts():
+                process.start()
         except _UNPICKLABLE as exc:
             ours.close()
             raise InternalError(f"the work cannot be sent to another process: {exc}") from exc
@@ -174,6 +177,23 @@ class ProcessExecutor:
         if how.endswith("KILL"):
             message += "; the system kills processes when memory runs out: use fewer processes"
         self._finished.append(JobResult(job.key, error={"code": 9099, "name": "WORKER_DIED", "message": message}))
+
+
+@contextlib.contextmanager
+def _blocked_interrupts() -> Generator[None]:
+    """Start processes that never see Ctrl-C, from their first instruction on: the mask of signals is inherited.
+
+    The signal of this process waits until the end of the block.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # otherwise a fork server starts it, which unblocks the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _signal_name(number: int) -> str:

@@ -161,3 +161,31 @@ def test_a_number_that_overflows(key: str, tmp_path: Path, capfd: pytest.Capture
     for value in ("1e308", "-1e300"):
         assert run(["simulate", "office", "--set", f"{key}={value}", "--out", str(tmp_path)]) == 2
         assert "out of range" in capfd.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("module", ["navstack._lazy", "typer", "navstack.cli.app", "navstack.cli.output"])
+def test_an_interrupt_while_the_command_is_imported(module: str, tmp_path: Path) -> None:
+    """No traceback, whatever is being imported: the module of this name interrupts the process."""
+    hook = (
+        "import os, signal, sys\n"
+        "class Finder:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name == {module!r}:\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Finder())\n"
+    )
+    (tmp_path / "sitecustomize.py").write_text(hook)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).resolve().parents[2])]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "navstack", "info"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")

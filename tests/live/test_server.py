@@ -157,6 +157,17 @@ def test_names_that_dns_could_point_here_are_refused_beyond_loopback() -> None:
     assert not gate.host_is_right("evil.example:8765") and not gate.host_is_right(None)
 
 
+@pytest.mark.parametrize(
+    "header",
+    ["[::1]@evil.example", "127.0.0.1:8765@evil.example", "127.0.0.1:x", "me@127.0.0.1", "[::1", "localhost:", "::1:x"],
+)
+def test_a_host_header_is_a_host_and_a_port_only(header: str) -> None:
+    gate = Gate("127.0.0.1")
+    for right in ("127.0.0.1:8765", "localhost", "[::1]:8765", "::1"):
+        assert gate.host_is_right(right)
+    assert not gate.host_is_right(header)
+
+
 @pytest.mark.slow
 def test_frames_are_differences(session: Session) -> None:
     async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:

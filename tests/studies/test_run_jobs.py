@@ -272,3 +272,11 @@ def test_a_killed_run_is_resumed(tmp_path: Path, how: signal.Signals) -> None:
         work.wait_for, [Job(str(i), str(f)) for i, f in enumerate(inputs)], processes=2, results=results, resume=True
     )
     assert [r.value for r in again] == [f"content {i}" for i in range(4)]
+
+
+def test_workers_never_see_an_interrupt() -> None:
+    """Not while they start either: Ctrl-C goes to every process of the terminal. This process gets it."""
+    with ProcessExecutor(work.blocks_interrupts, 1) as executor:
+        executor.submit(Job("one", {"number": 1}))
+        assert executor.collect().value is True
+    assert not work.blocks_interrupts(1)

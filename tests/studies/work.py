@@ -14,6 +14,11 @@ def double(number: float) -> dict[str, float]:
     return {"twice": 2 * number, "third": number / 3.0, "nothing": float("nan")}
 
 
+def blocks_interrupts(number: int) -> bool:
+    del number
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 def fail(number: int) -> int:
     if number == 1:
         raise NoValidPathError("no way from 1", cells=7)

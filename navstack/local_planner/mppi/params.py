@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
-from pydantic import field_validator
+from pydantic import field_validator, model_validator
 
 from navstack.local_planner.path_follower import PathFollowerParams
+from navstack.local_planner.rollouts import MAX_POINTS
 from navstack.plugins import CRITICS, CheckContext, Issue, ParamModel, PluginSection, PluginSpec, param
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -162,6 +163,16 @@ class MPPIParams(PathFollowerParams):
         if value < 1e-6:
             raise ValueError(f"temperature = {value:g} divides by nearly zero; set it to about 0.3")
         return value
+
+    @model_validator(mode="after")
+    def _check_work(self) -> Self:
+        points = self.batch_size * self.time_steps * self.iteration_count
+        if points > MAX_POINTS:
+            raise ValueError(
+                f"batch_size {self.batch_size:,} * time_steps {self.time_steps:,} * iteration_count {self.iteration_count:,} are "
+                f"{points:,} points in a cycle; lower them to at most {MAX_POINTS:,} in total (Nav2's have 112,000)"
+            )
+        return self
 
     @property
     def listed_critics(self) -> list[tuple[str, str]]:
