@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from navstack.scenario.recognition import is_scenario_file as is_scenario_file
     from navstack.scenario.recognition import shipped_scenarios as shipped_scenarios
     from navstack.scenario.run import Run as Run
+    from navstack.scenario.run import advice_of as advice_of
     from navstack.scenario.run import run_scenario as run_scenario
     from navstack.scenario.run import warm_up as warm_up
     from navstack.scenario.scenario import Scenario as Scenario

@@ -59,8 +59,21 @@ class WarningCollector:
         return tuple(self._found.values())
 
 
-EXPLAIN_FAILURES: Final = frozenset({"scoring-scale"})
-"""Rules of `navstack check` whose finding explains robots that stop or turn in place."""
+EXPLAIN_FAILURES: Final = frozenset(
+    {
+        "scoring-scale",
+        "yaw-tolerance",
+        "tolerance-under-cell",
+        "blind",
+        "fixed-window",
+        "turns-too-tight",
+        "deadband-too-large",
+    }
+)
+"""Rules of `navstack check` whose finding explains robots that stop, turn in place or circle around their goal."""
+MUCH_TURNING_S: Final = 15.0
+MUCH_TURNING: Final = 0.25
+"""A run that turns in place for longer than both, this time and this share of its time, has a cause worth searching."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +121,21 @@ class GoalOutcome:
         }
 
 
-def advice_for(goals: Sequence[GoalOutcome], findings: Sequence[Finding]) -> tuple[str, ...]:
-    """Return the findings of the rules that explain failed goals, with file and line; none if no goal failed."""
-    if all(goal.succeeded for goal in goals):
+def advice_for(metrics: RunMetrics, findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return what may explain a run that missed goals or turned in place for long; none for other runs.
+
+    These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose.
+    """
+    turning = metrics.turning_s > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
+    if metrics.succeeded == metrics.goals and not turning:
         return ()
-    return tuple(f"{f.location}: {f.message}" for f in findings if f.rule in EXPLAIN_FAILURES)
+    advice = [f"{f.location}: {f.message}" for f in findings if f.rule in EXPLAIN_FAILURES and f.severity == "warning"]
+    if turning:
+        advice.append(
+            f"the robot turned in place for {metrics.turning_s:.0f} s of {metrics.time_s:.0f} s; navstack doctor tries the "
+            "fixes of the usual causes and measures their effect"
+        )
+    return tuple(advice)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -134,7 +157,7 @@ class RunResult:
     warnings: tuple[RunWarning, ...] = ()
     """Warnings about sensors, transforms and odometry."""
     advice: tuple[str, ...] = ()
-    """Findings about the parameters that may explain the goals that failed, with what to try; empty if none failed."""
+    """What may explain missed goals or long turns in place, with what to try; empty for other runs."""
 
     def __str__(self) -> str:
         reached = sum(goal.succeeded for goal in self.goals)
