@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from navstack.scenario.interactions import Drive as Drive
     from navstack.scenario.outcome import GoalOutcome as GoalOutcome
     from navstack.scenario.outcome import RunResult as RunResult
+    from navstack.scenario.outcome import failure_advice as failure_advice
     from navstack.scenario.places import Places as Places
     from navstack.scenario.places import load_places as load_places
     from navstack.scenario.places import visit_order as visit_order

@@ -121,6 +121,13 @@ class GoalOutcome:
         }
 
 
+def failure_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return the findings that may explain runs that fail, with file and line."""
+    return tuple(
+        f"{f.location}: {f.message}" for f in findings if f.rule in EXPLAIN_FAILURES and f.severity == "warning"
+    )
+
+
 def advice_for(metrics: RunMetrics, findings: Sequence[Finding]) -> tuple[str, ...]:
     """Return what may explain a run that missed goals or turned in place for long; none for other runs.
 
@@ -129,7 +136,7 @@ def advice_for(metrics: RunMetrics, findings: Sequence[Finding]) -> tuple[str, .
     turning = metrics.turning_s > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
     if metrics.succeeded == metrics.goals and not turning:
         return ()
-    advice = [f"{f.location}: {f.message}" for f in findings if f.rule in EXPLAIN_FAILURES and f.severity == "warning"]
+    advice = list(failure_advice(findings))
     if turning:
         advice.append(
             f"the robot turned in place for {metrics.turning_s:.0f} s of {metrics.time_s:.0f} s; navstack doctor tries the "
