@@ -96,6 +96,11 @@ COMMANDS: Final = {
     "compile": LazyCommand(
         "compile", "compile_", "Compile the kernels of all commands, or of some plugins, into the cache."
     ),
+    "doctor": LazyCommand(
+        "doctor",
+        "doctor",
+        "Find out why a robot drives badly: check, passages, three drives, and the measured effect of each fix.",
+    ),
     "sweep": LazyCommand(
         "sweep", "sweep", "Drive a grid or a sample of parameter values over scenarios: a line of JSON per run."
     ),

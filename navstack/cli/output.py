@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from navstack.parameters import Configuration, Finding
-    from navstack.scenario import GoalOutcome, RunResult
+    from navstack.scenario import GoalOutcome
 
 
 class Verbosity(IntEnum):
@@ -146,11 +146,11 @@ def reason_of(goal: GoalOutcome) -> str:
     return f"{goal.error_name} ({goal.error_code}): {goal.message}"
 
 
-def print_advice(result: RunResult) -> None:
-    """Prints the findings that may explain why goals failed, and what to try."""
+def print_advice(advice: Sequence[str]) -> None:
+    """Prints what may explain missed goals or long turns in place, and what to try."""
     from rich.markup import escape
 
-    for text in result.advice:
+    for text in advice:
         stdout().print(f"[yellow]possible cause:[/] {escape(text)}")
 
 

@@ -150,7 +150,7 @@ def _print_reasons(out: Console, result: RunResult) -> None:
     for warning in result.warnings:
         often = f" ({warning.count} times)" if warning.count > 1 else ""
         out.print(f"[yellow]warning[/] at {warning.time:.1f} s{often}: {escape(warning.text)}")
-    print_advice(result)
+    print_advice(result.advice)
     for condition in result.conditions:
         mark = "[green]met[/]" if condition.holds else "[bold red]not met[/]"
         out.print(f"condition {condition.condition} {mark}: {escape(condition.text)}")

@@ -270,7 +270,7 @@ def _print(result: TourResult, files: dict[str, str]) -> None:
     for name, goal in zip(result.names, result.run.goals):
         if not goal.succeeded:
             out.print(escape(f"{name}: {reason_of(goal)}"))
-    print_advice(result.run)
+    print_advice(result.run.advice)
     out.print(_totals(result))
     print_files(files)
 

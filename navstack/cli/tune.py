@@ -17,7 +17,7 @@ from rich.table import Table
 
 from navstack.cli import options
 from navstack.cli.options import with_options
-from navstack.cli.output import Verbosity, counting_bar, print_json, print_note, stderr, stdout, verbosity
+from navstack.cli.output import Verbosity, counting_bar, print_advice, print_json, print_note, stderr, stdout, verbosity
 from navstack.cli.search_options import Resume, SearchArguments, Workers
 from navstack.core import require
 from navstack.studies import LINE_INTERVAL_S, TuneRequest, run_sensitivity, run_tuning, time_left_bar
@@ -156,6 +156,10 @@ def announce(setup: Setup, *, quiet: bool) -> None:
         )
 
 
+_FAILED_SHOWN = 4
+"""Failed runs that are printed."""
+
+
 @contextmanager
 def trial_progress(
     trials: int, *, quiet: bool
@@ -194,11 +198,22 @@ def print_result(result: TuneOutput, *, as_json: bool) -> None:
             place = Path(c.place).name if c.place else "new line"
             out.print(f"  {c.name}: {before} -> {value_text(c.new)}  ({place})", markup=False)
     out.print(tuning.verdict, markup=False)
+    for text in failed_texts(tuning.validation):
+        out.print(f"  {text}", markup=False)
+    if tuning.validation.failed:
+        print_advice(result.advice)
     if tuning.against is not None:
         out.print(f"compared with the reference: {_against_text(tuning.against)}", markup=False)
     if result.params:
         out.print("parameters: " + " ".join(f"--params {p}" for p in result.params), markup=False)
     out.print(f"report: {result.report}", markup=False)
+
+
+def failed_texts(comparison: Comparison) -> list[str]:
+    """Why runs of the validation fail with the result."""
+    found = [f"{comparison.cases[i].key}: {comparison.after[i]['text']}" for i in comparison.failed]
+    more = len(found) - _FAILED_SHOWN
+    return [*found[:_FAILED_SHOWN], f"{more} more in the report"] if more > 0 else found
 
 
 def _print_measures(comparison: Comparison, title: str) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Event, InputError, Pose2D, RecordError, angle_between
 from navstack.move_base import GoalTimeLimitError
-from navstack.record import Record, believed_poses
+from navstack.record import STALL_S, Record, Stall, believed_poses, find_stalls
 
 TERMINAL = ("PREEMPTED", "SUCCEEDED", "ABORTED", "REJECTED", "RECALLED")
 """Terminal states of a goal in actionlib."""
@@ -559,9 +559,6 @@ def _believed_line(
 # --- the timeline -----------------------------------------------------------------------------------------------------
 
 
-STUCK_S = 3.0
-"""A robot in CONTROLLING that moves less than `STUCK_M` for this time is reported as stuck."""
-STUCK_M = 0.1
 _REDUNDANT = ("Got new plan", "Goal reached", "Aborting because")
 """Beginnings of messages that other lines replace."""
 _ORDER = (
@@ -650,26 +647,18 @@ def _stuck(report: GoalReport, poses: NDArray[np.float64]) -> list[TimelineEntry
     """Return the parts of CONTROLLING in which the robot hardly moved."""
     lines: list[TimelineEntry] = []
     for span in report.spans:
-        if span.state != "CONTROLLING" or span.end - span.begin < STUCK_S:
+        if span.state != "CONTROLLING" or span.end - span.begin < STALL_S:
             continue
         k = int(np.searchsorted(report.times, span.begin))
         end = int(np.searchsorted(report.times, span.end, side="right"))
-        while k < end:
-            away = np.hypot(poses[k:end, 0] - poses[k, 0], poses[k:end, 1] - poses[k, 1]) > STUCK_M
-            stop = k + int(away.argmax()) if away.any() else end
-            begun, over = float(report.times[k]), float(report.times[stop - 1])
-            if over - begun >= STUCK_S:
-                lines.append(_stuck_line(poses[k:stop], report, begun, over))
-                k = stop
-            else:
-                k += 1
+        lines += [_stuck_line(stall, report) for stall in find_stalls(report.times[k:end], poses[k:end])]
     return lines
 
 
-def _stuck_line(at: NDArray[np.float64], report: GoalReport, begin: float, end: float) -> TimelineEntry:
-    turned = float(np.abs(np.diff(np.unwrap(at[:, 2]))).sum())
+def _stuck_line(stall: Stall, report: GoalReport) -> TimelineEntry:
+    begin, end, turned = stall.begin, stall.end, stall.turned_rad
     what = f"turned {math.degrees(turned):.0f} degrees in place" if turned > 0.5 else "did not move"
-    text = f"the robot {what} for {end - begin:.1f} s at ({at[0, 0]:.2f}, {at[0, 1]:.2f})"
+    text = f"the robot {what} for {end - begin:.1f} s at ({stall.x:.2f}, {stall.y:.2f})"
     failed = sum(begin <= t <= end and name != NO_PROGRESS for t, name in report.failed_commands)
     if failed:
         text += f"; control failed {times_text(failed)}"

@@ -25,7 +25,7 @@ from navstack.plot.picture import (
     occupancy_legend,
     shaped,
 )
-from navstack.record import Record
+from navstack.record import Record, Stall, find_stalls
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -150,6 +150,7 @@ def plot_run(
         entries += draw_obstacles(picture.axes, record)
         entries += draw_ends(picture.axes, record, picture.points_per_m)
         draw_changed_commands(picture.axes, record, entries)
+        _draw_stalls(picture.axes, record, entries)
         _draw_incidents(picture.axes, record, entries)
         picture.legend(entries + ground)
         return picture.finish(path, dpi)
@@ -319,6 +320,73 @@ def _draw_footprints(axes: Axes, record: Record, entries: Entries) -> None:
         if record.steered_base is not None:
             drawing.draw_line(axes, wheel_lines(record, row), colors.INK, width=2.0, zorder=4.5)
     entries.append((handle, "footprint"))
+
+
+LONG_STALL_S = 6.0
+"""Stalls from this long on are marked (s): a turn to the heading of a goal is shorter."""
+SAME_PLACE_M = 0.5
+MOST_LABELS = 6
+"""Stalls with their seconds beside them, the longest ones."""
+_TURNED_RAD = 1.0
+
+
+def long_stalls(record: Record) -> list[Stall]:
+    """Return where a robot with a goal stood or turned in place for LONG_STALL_S or more, with all seconds spent there."""
+    if not len(record.times):
+        return []
+    busy = np.isin(record.states, ("PLANNING", "CONTROLLING", "CLEARING"))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], busy, [False])).astype(np.int8)))
+    stalls = [s for a, b in edges.reshape(-1, 2).tolist() for s in find_stalls(record.times[a:b], record.poses[a:b])]
+    return _merged([stall for stall in stalls if stall.duration >= LONG_STALL_S])
+
+
+def _merged(stalls: Sequence[Stall]) -> list[Stall]:
+    """Return one stall for each place: marks side by side would hide each other."""
+    places: list[Stall] = []
+    for stall in stalls:
+        near = next((p for p in places if np.hypot(p.x - stall.x, p.y - stall.y) < SAME_PLACE_M), None)
+        if near is None:
+            places.append(stall)
+            continue
+        seconds, turned = near.duration + stall.duration, near.turned_rad + stall.turned_rad
+        places[places.index(near)] = Stall(near.begin, near.begin + seconds, near.x, near.y, turned)
+    return places
+
+
+def _draw_stalls(axes: Any, record: Record, entries: Entries) -> None:
+    """Mark where the robot turned in place or stood, with the seconds."""
+    from matplotlib.patheffects import withStroke
+
+    stalls = long_stalls(record)
+    labeled = sorted(stalls, key=lambda stall: -stall.duration)[:MOST_LABELS]
+    for turning, marker, what in ((True, "o", "turned in place"), (False, "s", "stood")):
+        shown = [stall for stall in stalls if (stall.turned_rad > _TURNED_RAD) is turning]
+        if not shown:
+            continue
+        (handle,) = axes.plot(
+            [stall.x for stall in shown],
+            [stall.y for stall in shown],
+            marker,
+            ms=11,
+            mfc="none",
+            mec=colors.STALL,
+            mew=2.0,
+            ls="none",
+            zorder=8.8,
+        )
+        seconds = sum(stall.duration for stall in shown)
+        entries.append((handle, f"{what} ({seconds:.0f} s)"))
+    for stall in labeled:
+        axes.annotate(
+            f"{stall.duration:.0f} s",
+            (stall.x, stall.y),
+            (9.0, 7.0),
+            textcoords="offset points",
+            fontsize=8,
+            color=colors.STALL,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            zorder=9.8,
+        )
 
 
 def _draw_incidents(axes: Axes, record: Record, entries: Entries) -> None:

@@ -12,9 +12,13 @@ if TYPE_CHECKING:
     from navstack.record.commands import RecordedCommand as RecordedCommand
     from navstack.record.commands import recorded_command as recorded_command
     from navstack.record.format import RUN_FILE as RUN_FILE
+    from navstack.record.metrics import STALL_S as STALL_S
     from navstack.record.metrics import RunMetrics as RunMetrics
+    from navstack.record.metrics import Stall as Stall
     from navstack.record.metrics import Timings as Timings
     from navstack.record.metrics import compute_metrics as compute_metrics
+    from navstack.record.metrics import find_stalls as find_stalls
+    from navstack.record.metrics import metrics_of as metrics_of
     from navstack.record.metrics import resampled_jerk as resampled_jerk
     from navstack.record.reader import Record as Record
     from navstack.record.reader import RecordedEstimate as RecordedEstimate

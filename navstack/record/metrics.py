@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +129,53 @@ def metrics_of(record: Record) -> RunMetrics:
         results=record.results,
         collisions=len(record.collisions),
     )
+
+
+# --- stalls -----------------------------------------------------------------------------------------------------------
+
+
+STALL_S: Final = 3.0
+"""A robot that moves less than STALL_M for this time stalls (s)."""
+STALL_M: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """A time in which a robot with a goal hardly moved."""
+
+    begin: float
+    end: float
+    x: float
+    y: float
+    turned_rad: float
+    """How much it turned meanwhile, in both directions together."""
+
+    @property
+    def duration(self) -> float:
+        """Its length (s)."""
+        return self.end - self.begin
+
+
+def find_stalls(times: NDArray[np.float64], poses: NDArray[np.float64]) -> list[Stall]:
+    """Return the stalls of a robot at `times` (n,) at `poses` (n, 3), which had a goal all the while."""
+    found: list[Stall] = []
+    k, count = 0, len(times)
+    while k < count:
+        after = int(np.searchsorted(times, times[k] + STALL_S))
+        if after == count:
+            break
+        if math.hypot(poses[after, 0] - poses[k, 0], poses[after, 1] - poses[k, 1]) > STALL_M:
+            k += 1
+            continue
+        away = np.hypot(poses[k:, 0] - poses[k, 0], poses[k:, 1] - poses[k, 1]) > STALL_M
+        stop = k + int(away.argmax()) if away.any() else count
+        if times[stop - 1] - times[k] < STALL_S:
+            k += 1
+            continue
+        turned = float(np.abs(np.diff(np.unwrap(poses[k:stop, 2]))).sum())
+        found.append(Stall(float(times[k]), float(times[stop - 1]), float(poses[k, 0]), float(poses[k, 1]), turned))
+        k = stop
+    return found
 
 
 def resampled_jerk(times: NDArray[np.float64], poses: NDArray[np.float64], period: float) -> float:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from navstack.scenario.interactions import Drive as Drive
     from navstack.scenario.outcome import GoalOutcome as GoalOutcome
     from navstack.scenario.outcome import RunResult as RunResult
+    from navstack.scenario.outcome import failure_advice as failure_advice
     from navstack.scenario.places import Places as Places
     from navstack.scenario.places import load_places as load_places
     from navstack.scenario.places import visit_order as visit_order
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from navstack.scenario.recognition import is_scenario_file as is_scenario_file
     from navstack.scenario.recognition import shipped_scenarios as shipped_scenarios
     from navstack.scenario.run import Run as Run
+    from navstack.scenario.run import advice_of as advice_of
     from navstack.scenario.run import run_scenario as run_scenario
     from navstack.scenario.run import warm_up as warm_up
     from navstack.scenario.scenario import Scenario as Scenario

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -59,8 +59,21 @@ class WarningCollector:
         return tuple(self._found.values())
 
 
-EXPLAIN_FAILURES: Final = frozenset({"scoring-scale"})
-"""Rules of `navstack check` whose finding explains robots that stop or turn in place."""
+EXPLAIN_FAILURES: Final = frozenset(
+    {
+        "scoring-scale",
+        "yaw-tolerance",
+        "tolerance-under-cell",
+        "blind",
+        "fixed-window",
+        "turns-too-tight",
+        "deadband-too-large",
+    }
+)
+"""Rules of `navstack check` whose finding explains robots that stop, turn in place or circle around their goal."""
+MUCH_TURNING_S: Final = 15.0
+MUCH_TURNING: Final = 0.25
+"""A run that turns in place for longer than both, this time and this share of its time, has a cause worth searching."""
 
 
 EXPLAIN_COLLISIONS: Final = frozenset({"assumed-lidar", "nothing-feeds", "simulated-robot-blind"})
@@ -112,13 +125,34 @@ class GoalOutcome:
         }
 
 
-def advice_for(goals: Sequence[GoalOutcome], findings: Sequence[Finding], collisions: int = 0) -> tuple[str, ...]:
-    """Return the findings that explain failed goals and collisions, with file and line; none if there was neither."""
-    rules: set[str] = set()
-    if not all(goal.succeeded for goal in goals):
-        rules |= EXPLAIN_FAILURES
-    if collisions:
-        rules |= EXPLAIN_COLLISIONS
+def failure_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return the findings that may explain runs that fail, with file and line."""
+    return _findings_of(EXPLAIN_FAILURES, [f for f in findings if f.severity == "warning"])
+
+
+def collision_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return the findings that may explain contacts, with file and line."""
+    return _findings_of(EXPLAIN_COLLISIONS, findings)
+
+
+def advice_for(metrics: RunMetrics, findings: Sequence[Finding], collisions: int = 0) -> tuple[str, ...]:
+    """Return what may explain a run that missed goals, collided, or turned in place for long; none for other runs.
+
+    These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose.
+    """
+    turning = metrics.turning_s > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
+    advice = list(collision_advice(findings)) if collisions else []
+    if metrics.succeeded < metrics.goals or turning:
+        advice += failure_advice(findings)
+    if turning:
+        advice.append(
+            f"the robot turned in place for {metrics.turning_s:.0f} s of {metrics.time_s:.0f} s; navstack doctor tries the "
+            "fixes of the usual causes and measures their effect"
+        )
+    return tuple(advice)
+
+
+def _findings_of(rules: Collection[str], findings: Sequence[Finding]) -> tuple[str, ...]:
     return tuple(f"{f.location}: {f.message}" for f in findings if f.rule in rules)
 
 
@@ -141,7 +175,7 @@ class RunResult:
     warnings: tuple[RunWarning, ...] = ()
     """Warnings about sensors, transforms and odometry."""
     advice: tuple[str, ...] = ()
-    """Findings about the parameters that may explain the goals that failed, with what to try; empty if none failed."""
+    """What may explain missed goals or long turns in place, with what to try; empty for other runs."""
 
     def __str__(self) -> str:
         reached = sum(goal.succeeded for goal in self.goals)

@@ -15,10 +15,19 @@ from numpy.typing import NDArray
 
 from navstack.behaviors import Step, motion_of
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
-from navstack.core import InternalError, Listener, Pose2D, Transform2D, normalize_angle
+from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle
 from navstack.move_base import MotionHandle, MoveBase
 from navstack.plugins import Behavior
-from navstack.record import RunMetrics, RunRecorder, SolidNames, SteeredBase, Timings, record_tick_outputs
+from navstack.record import (
+    Record,
+    RunMetrics,
+    RunRecorder,
+    SolidNames,
+    SteeredBase,
+    Timings,
+    metrics_of,
+    record_tick_outputs,
+)
 from navstack.scenario.goal_sequence import GoalSequence, SentGoal
 from navstack.scenario.interactions import effect_ends
 from navstack.scenario.interventions import Interventions
@@ -26,6 +35,15 @@ from navstack.scenario.outcome import GoalOutcome, RunMeasurements, RunResult, W
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import SimulatedRobot, wheel_drive
+
+
+def advice_of(record: Record) -> tuple[str, ...]:
+    """Return what may explain missed goals or long turns in place of a recorded run; see `advice_for`."""
+    try:
+        findings = Scenario.from_record(record).configuration.findings
+    except NavError:  # a log, or parameters of another version
+        findings = ()
+    return advice_for(metrics_of(record), findings)
 
 
 def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:
@@ -292,7 +310,7 @@ class Run:
             timings=self.timings,
             min_clearance_m=self._measurements.min_clearance(),
             warnings=self._warnings.warnings(),
-            advice=advice_for(self.outcomes, self.scenario.configuration.findings, len(self.robot.collisions)),
+            advice=advice_for(metrics, self.scenario.configuration.findings, len(self.robot.collisions)),
         )
 
     def metrics(self) -> RunMetrics:

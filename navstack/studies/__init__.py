@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from navstack.studies.controllers import ControllersTask as ControllersTask
     from navstack.studies.controllers import read_groups as read_groups
     from navstack.studies.controllers import read_tunings as read_tunings
+    from navstack.studies.doctor import Cause as Cause
+    from navstack.studies.doctor import Diagnosis as Diagnosis
+    from navstack.studies.doctor import diagnose as diagnose
+    from navstack.studies.doctor import make_drives as make_drives
+    from navstack.studies.doctor import record_of as record_of
     from navstack.studies.inputs import for_workers as for_workers
     from navstack.studies.inputs import short_names as short_names
     from navstack.studies.jobs import Job as Job

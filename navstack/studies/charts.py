@@ -193,17 +193,34 @@ def _draw_trials(axes: Any, tuning: TuningResult, two: Sequence[Objective]) -> l
     points = [tuple(o.of(outcomes) for o in two) for outcomes in complete]
     rates = [success_rate(outcomes) for outcomes in complete]
     highest = max(rates, default=0.0)
+    several = len(tuning.problem.objectives) > 1
+    if several:  # the front of the study has all trials with the required success rate
+        highest = min(highest, tuning.problem.min_success)
     good = [p for p, rate in zip(points, rates) if rate >= highest - _TOLERANCE]
     others = [p for p, rate in zip(points, rates) if rate < highest - _TOLERANCE]
-    front = sorted(p for p in good if not any(dominates(q, p, two) for q in good))
+    front = sorted({p for p in good if not any(dominates(q, p, two) for q in good)})
+    least = "at least " if several and highest < 1.0 else ""
     for some, style, label in (
         (others, {"marker": "x", "ls": "none", "color": colors.FAINT, "ms": 5}, f"below {highest:.0%} success"),
-        (good, {"marker": "o", "ls": "none", "color": colors.SKY, "ms": 5}, f"{highest:.0%} success"),
-        (front, {"marker": "D", "ls": "-", "color": colors.BLUE, "ms": 6, "lw": 1.0}, "Pareto front"),
+        (good, {"marker": "o", "ls": "none", "color": colors.SKY, "ms": 5}, f"{least}{highest:.0%} success"),
+        (
+            front,
+            {"marker": "D", "ls": "-", "color": colors.BLUE, "ms": 6, "lw": 1.0, "drawstyle": _steps(two)},
+            "Pareto front",
+        ),
     ):
         if some:
             axes.plot([p[0] for p in some], [p[1] for p in some], label=label, **style)
     return good
+
+
+def _steps(two: Sequence[Objective]) -> str:
+    """Return the style of a front as steps: between two trials lies what one of them dominates, not a mixture of both.
+
+    From left to right, the better value of the right-hand axis is kept until the next trial if the left one is to be small.
+    """
+    low_is_better = two[0].better(0.0, 1.0)
+    return "steps-post" if low_is_better else "steps-pre"
 
 
 def _draw_before(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 from navstack.core import Difference, Interval, mean, paired_difference, paired_share_difference, share
@@ -26,6 +26,21 @@ class Measure(NamedTuple):
     """Uses only the pairs in which both sides succeed: the time of a failure means nothing."""
     unit: str = ""
     """Shown behind the name."""
+    possible: tuple[float, float] = (-math.inf, math.inf)
+    """Range of its values: an interval does not leave it."""
+
+    def clipped(self, interval: Interval) -> Interval:
+        """Return the interval within the possible range."""
+        low, high = self.possible
+        return replace(interval, low=max(interval.low, low), high=min(interval.high, high))
+
+    def clipped_difference(self, found: Difference) -> Difference:
+        """Return the difference with an interval within the differences of two possible values."""
+        width = self.possible[1] - self.possible[0]
+        if math.isnan(found.interval.low):
+            return found
+        low, high = max(found.interval.low, -width), min(found.interval.high, width)
+        return replace(found, interval=replace(found.interval, low=low, high=high))
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +139,8 @@ def compare(measure: Measure, pairs: Sequence[Pair], *, by_seed: bool = False) -
         a, b = [bool(p.a["success"]) for p in used], [bool(p.b["success"]) for p in used]
         return ComparedMeasure(measure, share(a, groups), share(b, groups), paired_share_difference(a, b, groups))
     a, b = [float(p.a[measure.key]) for p in used], [float(p.b[measure.key]) for p in used]
-    return ComparedMeasure(measure, mean(a, groups), mean(b, groups), paired_difference(a, b, groups))
+    difference = measure.clipped_difference(paired_difference(a, b, groups))
+    return ComparedMeasure(measure, measure.clipped(mean(a, groups)), measure.clipped(mean(b, groups)), difference)
 
 
 def _has(pair: Pair, key: str) -> bool:
@@ -170,12 +186,12 @@ def comparison_table(title: str, compared: Sequence[ComparedMeasure], names: tup
 # --- before and after -------------------------------------------------------------------------------------------------
 
 _OUTCOME_MEASURES: Final = (
-    Measure("score", "score", 3, +1, both_succeed=False),
+    Measure("score", "score", 3, +1, both_succeed=False, possible=(-1.0, 1.0)),
     Measure("success", "success", 3, +1, both_succeed=False),
-    Measure("time_s", "time", 1, -1, unit="s"),
-    Measure("clearance_m", "clearance", 3, +1, unit="m"),
-    Measure("jerk", "jerk", 3, -1, unit="m/s³"),
-    Measure("error_m", "position error", 3, -1, unit="m"),
+    Measure("time_s", "time", 1, -1, unit="s", possible=(0.0, math.inf)),
+    Measure("clearance_m", "clearance", 3, +1, unit="m", possible=(0.0, math.inf)),
+    Measure("jerk", "jerk", 3, -1, unit="m/s³", possible=(0.0, math.inf)),
+    Measure("error_m", "position error", 3, -1, unit="m", possible=(0.0, math.inf)),
 )
 
 
@@ -209,6 +225,11 @@ class Comparison:
     def broken(self) -> list[int]:
         """Indices of cases that succeeded before and fail after."""
         return [i for i, (b, a) in enumerate(zip(self.before, self.after)) if b["success"] and not a["success"]]
+
+    @property
+    def failed(self) -> list[int]:
+        """Indices of cases that fail after."""
+        return [i for i, a in enumerate(self.after) if not a["success"]]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

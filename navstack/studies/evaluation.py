@@ -19,6 +19,7 @@ import numpy as np
 from navstack.core import InternalError, LogError, NavError, OccupancyGrid, ParameterError, Pose2D, Transform2D
 from navstack.localization import Amcl, LoggedScan, Track, follow
 from navstack.logs import RunScanLog, ScanLog, logged_scans, map_from_frames, open_scan_log
+from navstack.move_base import GoalTimeLimitError
 from navstack.parameters import AmclParams, Configuration, Source, load_configuration
 from navstack.record import RunRecorder
 from navstack.scenario import BarnWorld, Run, RunResult, Scenario
@@ -160,8 +161,8 @@ def _outcome_of(result: RunResult, reference_s: float, allowed_collisions: int |
         if allowed_collisions is not None and metrics.collisions > allowed_collisions:
             ended = "collision"
         elif failed.condition == "goals":
-            ended = goals[-1].state.lower() if goals else "timeout"
-            ended = "timeout" if ended == "preempted" else ended
+            expired = not goals or goals[-1].error_name == GoalTimeLimitError.name
+            ended = "timeout" if expired else goals[-1].state.lower()
     return RunOutcome(
         success=failed is None,
         outcome=ended,

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from navstack.core import OutputError, ensure_directory, require, write_json
 from navstack.parameters import RewrittenFiles, rewrite_parameters, short_name
+from navstack.scenario import failure_advice
 from navstack.studies import report
 from navstack.studies.evaluation import RunWork
 from navstack.studies.executors import ProcessExecutor
@@ -55,9 +56,11 @@ class TuneOutput:
     tuning: TuningResult
     rewritten: RewrittenFiles | None
     params: tuple[str, ...]
-    """Values of `--params` for the tuned parameters; empty if nothing better was found."""
+    """Values of `--params` for the tuned parameters; empty if nothing better was found, or nothing improved."""
     report: Path
     folder: Path
+    advice: tuple[str, ...] = ()
+    """Findings about the user's parameters that may explain runs that fail."""
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -87,14 +90,15 @@ def run_tuning(
         tuning = run.search(stack, on_trial, notify)
     rewritten: RewrittenFiles | None = None
     params: tuple[str, ...] = ()
-    if tuning.found:
+    if tuning.improved:
         notify("writing the parameters")
         rewritten = _rewrite(request.setup, tuning)
         params = tuple(rewritten.save(run.params_folder))
     notify("drawing the report")
     fixed_runs = report.draw_fixed_runs(tuning, run.training, run.held_out, run.folder) if tuning.found else []
-    page = report.write_report(run.folder, tuning, _header(request, tuning), rewritten, fixed_runs)
-    output = TuneOutput(tuning, rewritten, params, page, run.folder)
+    failed_runs = report.draw_failed_runs(tuning, run.held_out or run.training, run.folder)
+    page = report.write_report(run.folder, tuning, _header(request, tuning), rewritten, fixed_runs, failed_runs)
+    output = TuneOutput(tuning, rewritten, params, page, run.folder, failure_advice(request.setup.base.findings))
     write_json(run.folder / "tune.json", output.as_dict())
     return output
 

@@ -63,12 +63,24 @@ class FixedRun:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class FailedRun:
+    """A validation run that fails."""
+
+    case: str
+    picture: Path | None
+    """None for a run that could not be driven."""
+    text: str
+    """Which run, and why it fails."""
+
+
 def tuning_page(
     tuning: TuningResult,
     header: ReportHeader,
     rewritten: RewrittenFiles | None,
     charts: Mapping[str, Path],
     fixed_runs: Sequence[FixedRun],
+    failed_runs: Sequence[FailedRun] = (),
 ) -> Iterator[str]:
     """The lines of the report of a tuning."""
     yield from _head(header)
@@ -88,6 +100,7 @@ def tuning_page(
     yield from _comparison(tuning.training, "before", "tuned")
     yield from _chart(charts, "training", "Time of each training run before and after")
     yield from _fixed_and_broken(tuning, fixed_runs)
+    yield from _failing(tuning, failed_runs)
     yield from _importance(tuning, charts)
     yield from _trade_off(tuning, charts)
     yield from _search(tuning, charts)
@@ -192,6 +205,20 @@ def _fixed_and_broken(tuning: TuningResult, fixed_runs: Sequence[FixedRun]) -> I
     shown = tuning.validation
     if shown.broken and tuning.found:
         yield f"<p>From success to failure: {html_text(', '.join(shown.cases[i].key for i in shown.broken))}.</p>"
+
+
+def _failing(tuning: TuningResult, runs: Sequence[FailedRun]) -> Iterator[str]:
+    """Why runs of the validation still fail."""
+    if not runs:
+        return
+    yield f"<h2>{tuning.validation_name.capitalize()} runs that fail</h2>"
+    for run in runs:
+        yield f"<p>{html_text(run.text)}</p>"
+        if run.picture is not None:
+            yield f"<p>{_image(run.picture, f'{run.case}, failed')}</p>"
+    more = len(tuning.validation.failed) - len(runs)
+    if more:
+        yield f"<p class=dim>{more} more are in tune.json.</p>"
 
 
 def _importance(tuning: TuningResult, charts: Mapping[str, Path]) -> Iterator[str]:
@@ -307,6 +334,23 @@ def draw_fixed_runs(tuning: TuningResult, training: RunWork, held_out: RunWork |
     return found
 
 
+MAX_FAILED_RUNS: Final = 3
+"""Number of validation runs drawn that fail with the result."""
+
+
+def draw_failed_runs(tuning: TuningResult, work: RunWork, folder: Path) -> list[FailedRun]:
+    """Repeat and draw validation runs that fail with the result; without a better one, with the present parameters."""
+    comparison = tuning.validation
+    overrides = tuple(tuning.problem.space.overrides(tuning.candidate)) if tuning.found else ()
+    found: list[FailedRun] = []
+    for i in comparison.failed[:MAX_FAILED_RUNS]:
+        case, outcome = comparison.cases[i], comparison.after[i]
+        picture = _draw_run(work, overrides, case, folder / f"failed_{len(found) + 1}.png")
+        reason = f"{outcome['outcome']}{': ' + outcome['text'] if outcome['text'] else ''}"
+        found.append(FailedRun(case.key, picture, f"{case.key}: {reason}"))
+    return found
+
+
 def _draw_run(work: RunWork, overrides: tuple[str, ...], case: Case, path: Path) -> Path | None:
     """Return the picture of a run; None for a run that cannot be drawn."""
     recorder = work.drive(RunInput(overrides, case), record=True)[1]
@@ -330,12 +374,13 @@ def write_report(
     header: ReportHeader,
     rewritten: RewrittenFiles | None,
     fixed_runs: Sequence[FixedRun] = (),
+    failed_runs: Sequence[FailedRun] = (),
 ) -> Path:
     """Draw the charts into `folder` and writes `report.html`; returns its path."""
     ensure_directory(folder)
     drawn = draw_charts(tuning, folder, header.against)
     path = folder / "report.html"
-    write_text(path, "\n".join(tuning_page(tuning, header, rewritten, drawn, fixed_runs)) + "\n")
+    write_text(path, "\n".join(tuning_page(tuning, header, rewritten, drawn, fixed_runs, failed_runs)) + "\n")
     return path
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -97,6 +98,11 @@ class TuningResult:
         return bool(self.candidate)
 
     @property
+    def improved(self) -> bool:
+        """True if they are better in the validation, too, if only in its estimate: then they are worth writing."""
+        return self.found and (self.held_out is None or self.held_out.measure("score").difference.interval.value > 0.0)
+
+    @property
     def validation(self) -> Comparison:
         """The held-out comparison; without one, that of the training."""
         return self.held_out or self.training
@@ -138,17 +144,31 @@ class TuningResult:
                 f"time of runs that succeed in both by {time.difference.interval.value:+.1f} s to {time.after.value:.1f} s"
             )
         text = ", ".join(parts) + "."
-        if self.held_out is not None and score.verdict != "better":
+        if not self.improved:
+            text += (
+                " Nothing improved on the held-out scenarios, so no parameters are written: tune with more scenarios."
+            )
+        elif self.held_out is not None and score.verdict != "better":
             text += (
                 " The improvement in training is not shown on the held-out scenarios: do not rely on it, and tune with more "
                 "scenarios."
             )
-        return text + self._never_solved_text()
+        return text + self._failures_text() + self._never_solved_text()
+
+    def _failures_text(self) -> str:
+        """How many validation runs fail with the result, and why."""
+        failed = self.validation.failed
+        if not failed:
+            return ""
+        reasons = Counter(str(self.validation.after[i]["outcome"]) for i in failed)
+        shown = ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
+        return f" {len(failed)} of {len(self.validation.cases)} {self.validation_name} runs fail: {shown}."
 
     def _nothing_found(self) -> str:
         driven = [o for t in self.trials for o in t.outcomes.values()] + list(self.training.before)
         if any(o["success"] for o in driven):
-            return "No better parameters were found than the present ones." + self._never_solved_text()
+            text = "No better parameters were found than the present ones."
+            return text + self._failures_text() + self._never_solved_text()
         return (
             "No better parameters were found: no candidate reached a goal. Check a run with `navstack simulate`, widen the "
             "ranges with --param, or tune on easier scenarios."

@@ -152,3 +152,43 @@ def test_without_the_extra(
     assert run([command[0], "--suite", str(suite), "--out", str(tmp_path / "out"), *command[1:], "--json"]) == 2
     message = json.loads(capsys.readouterr().out)["error"]["message"]
     assert f"needs {package}, which is not installed; install the extra `tune`: pip install '.[tune]'" in message
+
+
+def test_an_interval_stays_within_the_possible_range() -> None:
+    from navstack.studies.comparison import Case, compare_outcomes
+
+    def outcome(score: float) -> dict[str, object]:
+        return {"success": True, "score": score, "time_s": 1.0 / score, "clearance_m": 0.1, "jerk": 1.0, "error_m": 0.0}
+
+    cases = [Case("a", 0), Case("b", 0)]
+    before = {cases[0].key: outcome(0.99), cases[1].key: outcome(0.02)}
+    after = {cases[0].key: outcome(0.02), cases[1].key: outcome(0.99)}
+    compared = compare_outcomes(cases, before, after)
+    score, time = compared.measure("score"), compared.measure("time")
+    assert (score.before.low, score.before.high) == (-1.0, 1.0)
+    assert (score.difference.interval.low, score.difference.interval.high) == (-2.0, 2.0)
+    assert time.before.low == 0.0
+
+
+def test_nothing_improved_writes_nothing_and_failures_have_reasons() -> None:
+    from types import SimpleNamespace
+
+    from navstack.cli.tune import failed_texts
+    from navstack.studies.comparison import Case, compare_outcomes
+    from navstack.studies.tuning import TuningResult
+
+    def outcome(score: float, text: str = "") -> dict[str, object]:
+        how = {"success": not text, "outcome": "timeout" if text else "success", "text": text}
+        return {**how, "score": score, "time_s": 9.0, "clearance_m": 0.1, "jerk": 1.0, "error_m": 0.0}
+
+    cases = [Case(name, 0) for name in "abc"]
+    keys = [case.key for case in cases]
+    before = dict(zip(keys, map(outcome, (0.5, 0.5, 0.5))))
+    worse = dict(zip(keys, (outcome(0.4), outcome(0.5), outcome(-1.0, "GOAL_TIME_LIMIT: too late"))))
+    comparison = compare_outcomes(cases, before, worse)
+    given = {"trials": (), "best": None, "reverted": (), "training": comparison, "importance": {}, "front": ()}
+    tuning = TuningResult(problem=SimpleNamespace(), candidate={"x": 1.0}, held_out=comparison, against=None, **given)
+    assert tuning.found and not tuning.improved
+    assert "so no parameters are written" in tuning.verdict
+    assert "1 of 3 held-out runs fail: 1 timeout." in tuning.verdict
+    assert failed_texts(comparison) == ["c seed 0: GOAL_TIME_LIMIT: too late"]

@@ -10,7 +10,7 @@ import pytest
 
 from navstack.parameters import Configuration, LidarParams, load_configuration
 from navstack.parameters.lidar_description import lidars_of
-from navstack.scenario.outcome import advice_for
+from navstack.scenario.outcome import collision_advice
 
 PLANNER = {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}
 
@@ -150,9 +150,8 @@ def test_xacro_macros_arguments_and_filters(tmp_path: Path) -> None:
 
 def test_the_record_of_a_run_and_a_contact_name_the_assumed_sensor() -> None:
     configuration = load_configuration([robot({"scan": "LaserScan"})])
-    [advice] = advice_for((), configuration.findings, collisions=1)
+    [advice] = collision_advice(configuration.findings)
     assert "it is assumed: 270 degrees" in advice
-    assert advice_for((), configuration.findings, collisions=0) == ()
 
 
 def test_robots_of_which_none_is_meant_give_no_lidar(tmp_path: Path) -> None:

@@ -590,3 +590,24 @@ def test_text_in_backticks_is_code_in_reports():
     assert "a &lt;b&gt;" in page
     assert "`" not in page.replace("base64", "")
     assert "overflow-x: auto" in page and 'name="viewport"' in page
+
+
+def test_turning_in_place_and_standing_are_marked() -> None:
+    """48 s of turning in place left no trace in the picture of a run."""
+    from navstack.plot.run import long_stalls
+
+    run = synthetic.record_run(3.0)
+    record = run.record()
+    assert long_stalls(record) == []
+    count = len(record.times)
+    times = np.arange(count) * 1.0  # the same drive, slower: then all of it at one place
+    record.times[:] = times
+    record.poses[:] = record.poses[0]
+    record.poses[:, 2] = 0.5 * times
+    (stall,) = long_stalls(record)
+    assert stall.duration == pytest.approx(times[-1])
+    assert stall.turned_rad == pytest.approx(0.5 * times[-1], rel=0.01)
+    axes = plot_run(record)
+    assert any(text.get_text() == f"{times[-1]:.0f} s" for text in axes.texts)
+    legend = axes.figure.legends[0] if axes.figure.legends else axes.get_legend()
+    assert f"turned in place ({times[-1]:.0f} s)" in [t.get_text() for t in legend.get_texts()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ from navstack.core import InputError, Pose2D, Twist2D
 from navstack.map_io import map_names, map_path
 from navstack.parameters import load_configuration
 from navstack.record import Record
-from navstack.scenario import Run, Scenario, drive_tour
+from navstack.scenario import Run, Scenario, drive_tour, run_scenario
+from navstack.scenario.outcome import advice_for
 from navstack.scenario.places import load_places, visit_order
 from navstack.scenario.tour import TourState
 
@@ -237,3 +239,13 @@ def test_wrong_input_is_one_message(tmp_path: Path, capfd: pytest.CaptureFixture
         err = capfd.readouterr().err
         assert what in err, err
         assert err.count("error:") == 1
+
+
+def test_long_turns_in_place_are_a_possible_cause_even_if_every_goal_was_reached() -> None:
+    metrics = run_scenario(scenario_of(NEAR)).metrics
+    assert advice_for(metrics, ()) == ()
+    turning = replace(metrics, time_s=135.0, turning_s=48.0)
+    (advice,) = advice_for(turning, ())
+    assert advice.startswith("the robot turned in place for 48 s of 135 s; navstack doctor ")
+    assert advice_for(replace(turning, turning_s=14.0), ()) == ()
+    assert advice_for(replace(turning, state_s={"MOTION": 50.0}), ()) == ()
