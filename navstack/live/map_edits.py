@@ -32,7 +32,7 @@ def edited_map(grid: OccupancyGrid, shapes: Iterable[Shape], erased: Iterable[St
     return replace(grid, data=data)
 
 
-def _area(shape: Shape) -> shapely.Geometry:
+def _area(shape: Shape) -> shapely.Polygon:
     x, y, yaw = (*shape.pose, 0.0)[:3]
     if shape.radius is not None:
         return shapely.Point(x, y).buffer(shape.radius)

@@ -10,10 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from navstack.core import OccupancyGrid
 from navstack.live import LoggedSession, Options, Origin, Session, Stage
-from navstack.map_io import map_path
+from navstack.map_io import load_map, map_path, save_map
 from navstack.parameters import load_configuration
 from navstack.scenario import Scenario, load_scenario, run_scenario
 from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
@@ -378,8 +380,6 @@ def test_the_robot_tab_has_the_heading_and_no_event_each_second(live: Start, ope
 
 
 def test_walls_are_drawn_and_erased_and_saved_as_a_map(live: Start, open_page: Open, tmp_path: Path) -> None:
-    from navstack.map_io import load_map
-
     page = open_page(live(EMPTY, paused=True))
     page.click("#tool-wall")
     drag(page, (3.0, 7.0), (3.0, 7.6))
@@ -401,3 +401,28 @@ def test_axes_have_round_steps(live: Start, open_page: Open, step: tuple[float, 
     span, count, wanted = step
     found = page.evaluate(f"async () => (await import('./charts.js')).niceStep({span}, {count})")
     assert found == pytest.approx(wanted)
+
+
+def test_two_robots_on_a_wide_map_are_one_above_the_other(live: Start, open_page: Open, tmp_path: Path) -> None:
+    cells = np.zeros((60, 400), np.int8)
+    cells[[0, -1], :] = 100
+    cells[:, [0, -1]] = 100
+    save_map(OccupancyGrid.from_array(cells, 0.05), tmp_path / "wide.yaml")
+    text = "map: wide.yaml\nparams: [turtlebot]\nstart: [1.0, 1.5, 0.0]\ngoals: [[18.0, 1.5, 0.0]]\n"
+    (tmp_path / "wide_scenario.yaml").write_text(text, encoding="utf-8")
+    base = load_scenario(tmp_path / "wide_scenario.yaml")
+    sessions = [Session(base), Session(base)]
+    for session in sessions:
+        session.pause(True)
+    page = open_page(live(stage=Stage(sessions, Options(labels=("one", "two")))))
+    upper, lower = (page.locator(name).bounding_box() for name in ("#scene", "#scene2"))
+    assert upper["width"] > 800 and upper["y"] + upper["height"] <= lower["y"]
+    shown = page.evaluate(
+        "() => { const { scene, camera } = window.navstack; return (scene.extent[1] - scene.extent[0]) * camera.scale; }"
+    )
+    assert shown > 0.9 * upper["width"]
+    page.keyboard.press("x")
+    assert page.locator("#scene2").is_visible()
+    assert page.evaluate("() => window.navstack.versus.arrangement") == "beside"
+    page.keyboard.press("x")
+    assert page.locator("#scene2").is_hidden()

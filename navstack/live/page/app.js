@@ -197,7 +197,7 @@ class App {
     if (!this.scene.extent) return;
     this.follow = false;
     const pad = this.teleop.on && matchMedia('(max-width: 760px)').matches ? 190 : 0;
-    this.camera.fit(this.scene.extent, Math.max(pad, this.versus.two && this.versus.overlaid ? 130 : 0));
+    this.camera.fit(this.scene.extent, Math.max(pad, this.versus.below));
     this.followButton();
   }
 
