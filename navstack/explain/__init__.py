@@ -9,7 +9,10 @@ if TYPE_CHECKING:
     from navstack.explain.cell import CellReport as CellReport
     from navstack.explain.cell import explain_cell as explain_cell
     from navstack.explain.command import CommandReport as CommandReport
+    from navstack.explain.command import SampleReport as SampleReport
+    from navstack.explain.command import chain_sentence as chain_sentence
     from navstack.explain.command import explain_command as explain_command
+    from navstack.explain.command import steering_sentence as steering_sentence
     from navstack.explain.crossing import ShapePassage as ShapePassage
     from navstack.explain.goal import GoalReport as GoalReport
     from navstack.explain.goal import RecoveryRun as RecoveryRun

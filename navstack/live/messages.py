@@ -219,17 +219,28 @@ class Difference(_AboutOne):
     type: Literal["difference"]
 
 
+class Stroke(Message):
+    """A line that was drawn on the map, with its width (m)."""
+
+    points: Annotated[
+        list[Annotated[list[Finite], Field(min_length=2, max_length=2)]], Field(min_length=1, max_length=400)
+    ]
+    width: Annotated[float, Field(gt=0.0, le=10.0)]
+
+
 class Save(_AboutOne):
-    """Write into the folder of the session: the scenario, the changed parameters, or the goals as places or tour.
+    """Write into the folder of the session: the scenario, the changed parameters, the map, or the goals as places or tour.
 
     `in_place` writes changed parameters into the user's own files, if they are in that folder.
     """
 
     type: Literal["save"]
-    what: Literal["scenario", "run", "parameters", "places", "tour"]
+    what: Literal["scenario", "run", "parameters", "places", "tour", "map"]
     name: Name
     places: Annotated[dict[Name, Pose], Field(max_length=200)] = {}
     in_place: bool = False
+    erased: Annotated[list[Stroke], Field(max_length=200)] = []
+    """What is free in the saved map, which also has the obstacles that stand still."""
 
 
 Request = Annotated[

@@ -19,6 +19,7 @@ from navstack.core import (
     NavError,
     OccupancyGrid,
     OutputError,
+    Pose2D,
     compile_ahead,
     ensure_directory,
     is_dir,
@@ -30,6 +31,7 @@ from navstack.explain import (
     CommandReport,
     PassageReport,
     Replay,
+    SampleReport,
     explain_cell,
     explain_command,
     explain_goal,
@@ -40,10 +42,20 @@ from navstack.explain import (
     print_passages,
 )
 from navstack.live import messages, parameters
+from navstack.live.cards import (
+    Explanation,
+    cell_cards,
+    command_cards,
+    fan_of,
+    goal_cards,
+    passage_cards,
+    sample_cards,
+)
 from navstack.live.checkpoints import Twin
+from navstack.live.map_edits import edited_map
 from navstack.live.messages import PROTOCOL, Frame
 from navstack.live.session import Session
-from navstack.map_io import map_names
+from navstack.map_io import map_names, save_map
 from navstack.parameters import Configuration, load_configuration, packaged_sets
 from navstack.record import Record
 from navstack.scenario import load_places, scenario_text
@@ -58,25 +70,38 @@ NEAR_M = 2.0
 """A click this far from an opening still asks about it (m)."""
 
 
-def why_cell(session: Session, x: float, y: float, costmap: str) -> str:
+def why_cell(session: Session, x: float, y: float, costmap: str) -> Explanation:
     """Returns why the cell at a point of the map frame (m) has its cost in the `global` or `local` costmap now."""
     report = explain_cell(Replay(None, session.explained, session.time), x, y, costmap=costmap)
-    return _printed(print_cell, report)
+    return Explanation(_printed(print_cell, report), cell_cards(report))
 
 
-def why_command(record: Record, time: float | None) -> str:
+def why_command(record: Record, time: float | None) -> Explanation:
     """Returns why the last command until `time` (s; default: now) was chosen."""
-    return _printed(print_command, explain_command(record, time))
+    report = explain_command(record, time)
+    return Explanation(
+        _printed(print_command, report), command_cards(report), fan_of(report, _robot_in(record, report))
+    )
 
 
-def why_sample(record: Record, time: float | None, sample: int) -> str:
+def why_sample(record: Record, time: float | None, sample: int) -> Explanation:
     """Returns the scores of one trajectory of a control cycle, or who rejected it and why."""
     report: CommandReport = explain_command(record, time)
     found = next((s for s in report.samples if s.index == sample), None)
     if found is None:
         raise InputError(f"the cycle at {report.time:.3f} s has no trajectory {sample}", sample=sample)
+    fan = fan_of(report, _robot_in(record, report), sample)
+    return Explanation(_sample_text(report, found), sample_cards(report, found), fan)
+
+
+def _robot_in(record: Record, report: CommandReport) -> Pose2D:
+    """Where the robot was in the map in the cycle of a report."""
+    return Pose2D(*record.poses[record.index_at(report.time)].tolist())
+
+
+def _sample_text(report: CommandReport, found: SampleReport) -> str:
     vx, vy, wz = found.velocity
-    head = f"trajectory {sample} at {report.time:.3f} s: vx {vx:.3f}, vy {vy:.3f}, wz {wz:.3f}"
+    head = f"trajectory {found.index} at {report.time:.3f} s: vx {vx:.3f}, vy {vy:.3f}, wz {wz:.3f}"
     if found.rejected_by is not None:
         why = found.reason or "no reason given"
         ahead = found.collision.get("ahead_m")
@@ -86,14 +111,15 @@ def why_sample(record: Record, time: float | None, sample: int) -> str:
     width = max((len(name) for name in found.costs), default=0)
     for name, cost in found.costs.items():
         lines.append(f"  {name.ljust(width)}  {found.weighted[name]:.4g} (raw {cost:.4g})")
-    if sample == report.plan.best:
+    if found.index == report.plan.best:
         lines.append("This one was chosen.")
     return "\n".join([*lines, "", report.summary])
 
 
-def what_happened(record: Record, number: int, goal_id: str | None = None) -> str:
+def what_happened(record: Record, number: int, goal_id: str | None = None) -> Explanation:
     """Returns the timeline of a goal (from 1); `goal_id` as in `explain_goal`."""
-    return _printed(print_goal, explain_goal(record, number, goal_id))
+    report = explain_goal(record, number, goal_id)
+    return Explanation(_printed(print_goal, report), goal_cards(report))
 
 
 def passages_of(configuration: Configuration, grid: OccupancyGrid) -> PassageReport:
@@ -101,7 +127,7 @@ def passages_of(configuration: Configuration, grid: OccupancyGrid) -> PassageRep
     return find_passages(configuration, grid, turning_radius=0.0)  # no search for ways: a page waits
 
 
-def why_passage(report: PassageReport, name: str, x: float, y: float) -> str:
+def why_passage(report: PassageReport, name: str, x: float, y: float) -> Explanation:
     """Returns whether the robot passes the opening nearest to a point (m). Raises InputError if none is near."""
     distances = [(math.hypot(p.x - x, p.y - y), number) for number, p in enumerate(report.passages, 1)]
     nearest = min(distances, default=(math.inf, 0))
@@ -112,7 +138,7 @@ def why_passage(report: PassageReport, name: str, x: float, y: float) -> str:
         )
     text = io.StringIO()
     print_passages(_console(text), report, name, only=nearest[1])
-    return _trimmed(text)
+    return Explanation(_trimmed(text), passage_cards(report, nearest[1]))
 
 
 def _printed(print_report: Any, report: Any) -> str:
@@ -259,8 +285,8 @@ class Stage:
             case messages.Set():
                 text, data = self._set(request)
             case messages.ExplainCell():
-                session = self._session_of(request)
-                text, data = why_cell(session, request.x, request.y, request.costmap), None
+                why = why_cell(self._session_of(request), request.x, request.y, request.costmap)
+                text, data = why, why.data
             case messages.Parameters():
                 text, data = "", parameters.parameter_list(self._session_of(request))
             case messages.Difference():
@@ -382,6 +408,10 @@ class Stage:
                 sources = parameters.rewritten(session).save(target)
                 arguments = " ".join(f"--params {source}" for source in sources)
                 return f"saved {target}; use it with: {arguments}", str(target)
+            case "map":
+                grid = edited_map(session.scenario.map, session.shapes, request.erased)
+                path, _ = save_map(grid, target.with_name(f"{target.name}.yaml"))
+                return f"saved {path}; open it with: navstack live {path}", str(path)
             case _:
                 return _save_places(target, request)
 
@@ -395,7 +425,7 @@ class Stage:
             raise OutputError(f'"{name}" is not a plain name; files are saved into {folder} only')
         return target
 
-    def _why_passage(self, twin: Twin, request: messages.ExplainPassage) -> str:
+    def _why_passage(self, twin: Twin, request: messages.ExplainPassage) -> Explanation:
         configuration = twin.configuration
         if self._passages is None or self._passages[0] is not configuration:
             self._passages = configuration, passages_of(twin.configuration, twin.scenario.map)
@@ -404,7 +434,8 @@ class Stage:
 
     @staticmethod
     def _answer(request: Any, text: str) -> messages.Answer:
-        return messages.Answer(id=request.id, ok=True, text=text)
+        data = text.data if isinstance(text, Explanation) else None
+        return messages.Answer(id=request.id, ok=True, text=text, data=data)
 
 
 def _teleop_of(session: Session) -> str:

@@ -10,9 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from navstack.core import OccupancyGrid
 from navstack.live import LoggedSession, Options, Origin, Session, Stage
+from navstack.map_io import load_map, map_path, save_map
 from navstack.parameters import load_configuration
 from navstack.scenario import Scenario, load_scenario, run_scenario
 from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
@@ -300,3 +303,126 @@ def test_a_browser_without_what_is_needed_gets_one_sentence(live: Start, browser
     sentence = page.locator("#unsupported")
     assert sentence.is_visible() and sentence.inner_text().startswith("This page needs a browser")
     context.close()
+
+
+CROWDED = "map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[20.0, 7.45, 0.0]]\n"
+
+
+def test_why_in_cards_with_the_fan_on_the_map(live: Start, open_page: Open) -> None:
+    page = open_page(live(CROWDED, paused=True, ahead=6.0))
+    page.click("#why-command")
+    page.locator(".card", has_text="Costs of the chosen trajectory").wait_for()
+    assert page.locator("#answer").is_hidden() and "--all" not in page.locator("#cards").inner_text()
+    panel = page.evaluate(
+        "() => { const s = document.getElementById('tab-why'); return [s.scrollWidth, s.clientWidth]; }"
+    )
+    assert panel[0] <= panel[1]
+    assert page.evaluate("() => window.navstack.why.fan.rows.length") > 10
+    row = page.locator(".samples tbody tr").nth(4)
+    row.hover()
+    marked = page.evaluate("() => window.navstack.why.marked")
+    assert marked is not None
+    row.click()
+    page.locator("#tab-why h2", has_text="this trajectory").wait_for()
+    page.wait_for_function(f"() => window.navstack.why.fan?.sample === {marked}")
+    page.get_by_role("button", name="As text").click()
+    assert page.locator("#answer").inner_text().startswith("trajectory ")
+    page.click("#show-robot")
+    assert page.evaluate("() => window.navstack.why.fan") is None
+
+
+def test_the_panel_does_not_move_the_map_and_has_the_size_that_one_wants(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    before = at(page, 3.5, 8.4)
+    page.mouse.click(*before)
+    assert "costmap" in answer(page)
+    assert at(page, 3.5, 8.4) == pytest.approx(before)
+    box = page.locator("#grip").bounding_box()
+    page.mouse.move(box["x"] + 5, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] - 145, box["y"] + 200, steps=3)
+    page.mouse.up()
+    assert page.locator("#panel").bounding_box()["width"] == pytest.approx(490, abs=3)
+    page.wait_for_function("() => window.navstack.camera.width < 760")
+    assert at(page, 3.5, 8.4) == pytest.approx(before)
+    page.click("#sheet-button")
+    page.wait_for_function("() => window.navstack.camera.width > 1200")
+    assert at(page, 3.5, 8.4) == pytest.approx(before)
+    page.reload()
+    page.wait_for_function("() => window.navstack?.store.main?.pose")
+    assert page.locator("#panel").bounding_box()["width"] == pytest.approx(490, abs=3)
+
+
+def test_the_value_under_the_pointer_a_legend_and_a_ruler(live: Start, open_page: Open) -> None:
+    page = open_page(live(CROWDED, paused=True, ahead=2.0))
+    wait_until(page, "side.grids.global.cells !== null")
+    page.mouse.move(*at(page, 15.0, 8.4))
+    page.locator("#where", has_text="15.0").wait_for()
+    assert "global" in page.locator("#where").inner_text()
+    page.mouse.move(*at(page, 1.5, 7.4))
+    page.locator("#where", has_text="local").wait_for()
+    assert "lethal 254" in page.locator("#legend").inner_text()
+    page.keyboard.press("m")
+    drag(page, (2.0, 6.0), (5.0, 10.0))
+    text = page.evaluate("() => window.navstack.tools.measureText(window.navstack.tools.measured)")
+    length, angle = (float(part.rstrip("m °")) for part in text.split(","))
+    assert length == pytest.approx(5.0, abs=0.1) and angle == pytest.approx(53.0, abs=2.0)
+    assert value(page, "side.interactions.length") == 0
+
+
+def test_the_robot_tab_has_the_heading_and_no_event_each_second(live: Start, open_page: Open) -> None:
+    page = open_page(live(CROWDED, paused=True, ahead=9.0))
+    assert "heading" in page.locator("#tab-robot .numbers").inner_text().lower()
+    rows = page.locator("#events li").all_inner_texts()
+    assert 1 <= sum("a plan of" in row for row in rows) <= 2  # of 10; the first is followed by a change of the state
+    assert sum("Got new plan" in row for row in rows) <= 2
+    assert any("×" in row for row in rows)
+
+
+def test_walls_are_drawn_and_erased_and_saved_as_a_map(live: Start, open_page: Open, tmp_path: Path) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    page.click("#tool-wall")
+    drag(page, (3.0, 7.0), (3.0, 7.6))
+    wait_until(page, "side.shapes.length === 1")
+    page.click("#tool-erase")
+    drag(page, (3.5, 8.35), (4.5, 8.35))
+    page.click("#show-layers")
+    page.click("#save-map")
+    page.fill("#save-name", "mine")
+    page.click("#save-do")
+    page.locator(".toast", has_text="saved").wait_for()
+    before, after = load_map(map_path("office")), load_map(tmp_path / "saved" / "mine.yaml")
+    assert (after.data[before.data == 0] == 100).sum() > 5 and (after.data[before.data == 100] == 0).sum() > 5
+
+
+@pytest.mark.parametrize("step", [(0.5, 3, 0.2), (0.17, 3, 0.1), (12.0, 3, 5.0), (3.0, 3, 1.0)])
+def test_axes_have_round_steps(live: Start, open_page: Open, step: tuple[float, int, float]) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    span, count, wanted = step
+    found = page.evaluate(f"async () => (await import('./charts.js')).niceStep({span}, {count})")
+    assert found == pytest.approx(wanted)
+
+
+def test_two_robots_on_a_wide_map_are_one_above_the_other(live: Start, open_page: Open, tmp_path: Path) -> None:
+    cells = np.zeros((60, 400), np.int8)
+    cells[[0, -1], :] = 100
+    cells[:, [0, -1]] = 100
+    save_map(OccupancyGrid.from_array(cells, 0.05), tmp_path / "wide.yaml")
+    text = "map: wide.yaml\nparams: [turtlebot]\nstart: [1.0, 1.5, 0.0]\ngoals: [[18.0, 1.5, 0.0]]\n"
+    (tmp_path / "wide_scenario.yaml").write_text(text, encoding="utf-8")
+    base = load_scenario(tmp_path / "wide_scenario.yaml")
+    sessions = [Session(base), Session(base)]
+    for session in sessions:
+        session.pause(True)
+    page = open_page(live(stage=Stage(sessions, Options(labels=("one", "two")))))
+    upper, lower = (page.locator(name).bounding_box() for name in ("#scene", "#scene2"))
+    assert upper["width"] > 800 and upper["y"] + upper["height"] <= lower["y"]
+    shown = page.evaluate(
+        "() => { const { scene, camera } = window.navstack; return (scene.extent[1] - scene.extent[0]) * camera.scale; }"
+    )
+    assert shown > 0.9 * upper["width"]
+    page.keyboard.press("x")
+    assert page.locator("#scene2").is_visible()
+    assert page.evaluate("() => window.navstack.versus.arrangement") == "beside"
+    page.keyboard.press("x")
+    assert page.locator("#scene2").is_hidden()

@@ -130,8 +130,12 @@ def test_requests_name_one_of_two_robots(office: Scenario) -> None:
 
 
 def test_the_kernels_of_another_set_are_compiled_ahead(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled: list[tuple[str, ...]] = []
-    monkeypatch.setattr("navstack.live.stage.compile_ahead", lambda uses, progress: compiled.append(uses))
+    compiled: list[Any] = []
+
+    def note(uses: Any, progress: Any) -> None:
+        compiled.append(uses)
+
+    monkeypatch.setattr("navstack.live.stage.compile_ahead", note)
     stage = Stage([session], Options())
     assert stage.request(messages.Set(type="set", params="turtlebot")).ok
     assert compiled == [session.run.interventions.configuration.planner_names]

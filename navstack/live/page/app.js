@@ -2,10 +2,10 @@
 import { Camera } from './camera.js';
 import { Theme } from './colors.js';
 import { Connection } from './connection.js';
-import { $, copy, el, poseText, setIcon, toast } from './dom.js';
+import { $, copy, el, poseText, refresh, setIcon, toast } from './dom.js';
 import { helpText } from './help.js';
-import { Layers } from './layers.js';
-import { Panel, Save, Why } from './panel.js';
+import { Layers, legend } from './layers.js';
+import { Panel, Save } from './panel.js';
 import { Parameters } from './parameters.js';
 import { Scene } from './scene.js';
 import { Store } from './store.js';
@@ -13,13 +13,14 @@ import { Teleop } from './teleop.js';
 import { Timeline } from './timeline.js';
 import { Tools } from './tools.js';
 import { Versus } from './versus.js';
+import { Why } from './why.js';
 
 class App {
   constructor() {
     this.store = new Store();
     this.camera = new Camera();
     this.theme = new Theme(() => this.changed());
-    this.layers = new Layers(() => { this.sendLayers(); this.changed(); });
+    this.layers = new Layers(() => { this.sendLayers(); this.legend(); this.changed(); });
     this.connection = new Connection({
       frame: (header, blobs) => this.frame(header, blobs),
       status: (kind, text) => this.status(kind, text),
@@ -33,11 +34,14 @@ class App {
     this.why = new Why(this);
     this.save = new Save(this);
     this.teleop = new Teleop(this);
+    for (const scene of this.scenes) scene.fan = (where, side) => this.why.draw(where, side);
     this.tools = new Tools(this);
     this.timeline = new Timeline(this);
     this.parameters = new Parameters(this);
     this.panel = new Panel(this);
     this.layers.build($('tab-layers'));
+    this.tools.buildActions();
+    this.legend();
     this.follow = false;
     this.busy = null; // what the server does while nothing moves
     this.toast = toast;
@@ -118,7 +122,7 @@ class App {
     set('factor', side.paused || side.done || this.busy ? '' : `${side.factor >= 10 ? side.factor.toFixed(0) : side.factor.toFixed(1)}×`);
     const state = this.busy ? 'busy' : side.seeking ? 'simulating' : side.by_hand ? 'by hand' : side.done ? 'done' : side.paused ? 'paused' : side.recovery || side.state.toLowerCase();
     set('state', state);
-    set('where', point ? `${point[0].toFixed(2)}, ${point[1].toFixed(2)} m` : '');
+    set('where', point ? `${point[0].toFixed(2)}, ${point[1].toFixed(2)} m${this.tools.costText(side, ...point)}` : '');
     if (this.playing !== (side.paused || side.done)) {
       this.playing = side.paused || side.done;
       setIcon($('play'), this.playing ? 'play' : 'pause');
@@ -180,6 +184,12 @@ class App {
 
   help() { helpText($('help')); $('help').showModal(); }
 
+  /** The colors of costs, below the map while a costmap is shown. */
+  legend() {
+    const shown = this.layers.get('local').on || this.layers.get('global').on;
+    refresh($('legend'), `${shown} ${this.layers.scheme}`, () => (shown ? legend(this.layers.scheme) : []));
+  }
+
   zoom(factor) { this.camera.zoom(factor); this.changed(); }
 
   /** Shows the whole map above what covers the bottom: the table of two robots, the pad on a phone. */
@@ -187,7 +197,7 @@ class App {
     if (!this.scene.extent) return;
     this.follow = false;
     const pad = this.teleop.on && matchMedia('(max-width: 760px)').matches ? 190 : 0;
-    this.camera.fit(this.scene.extent, Math.max(pad, this.versus.two && this.versus.overlaid ? 130 : 0));
+    this.camera.fit(this.scene.extent, Math.max(pad, this.versus.below));
     this.followButton();
   }
 
@@ -220,7 +230,7 @@ class App {
     const actions = {
       ' ': () => this.play(), n: () => this.act({ type: 'step' }), PageUp: () => this.back(5), Home: () => this.restart(), '+': () => this.zoom(1.25), '-': () => this.zoom(0.8),
       0: () => this.fit(), x: () => { if (this.versus.two) $('split').click(); }, f: () => { this.follow = !this.follow; this.followButton(); }, '?': () => this.help(), s: () => this.save.open('scenario', 'Save the session as a scenario'),
-      Escape: () => { this.tools.cross = null; if (this.teleop.on) this.tools.choose('drive'); this.tools.choose('why'); },
+      Escape: () => { this.tools.cross = this.tools.measured = null; this.why.clear(); if (this.teleop.on) this.tools.choose('drive'); this.tools.choose('why'); },
     };
     if ((onButton && (event.key === ' ' || event.key === 'Enter')) || (event.target.type === 'range' && /^(Arrow|Page|Home|End)/.test(event.key))) return;
     if (this.tools.key(event)) event.preventDefault();

@@ -2,7 +2,15 @@
 export class Camera {
   constructor() { this.x = 0; this.y = 0; this.scale = 40; this.width = 1; this.height = 1; this.set = this.fitted = false; }
 
-  resize(width, height) { this.width = width; this.height = height; }
+  /** The map keeps its place at the upper left corner: a panel that opens does not move it under the pointer. */
+  resize(width, height) {
+    if (this.set && this.width > 1) {
+      this.x += (width - this.width) / 2 / this.scale;
+      this.y -= (height - this.height) / 2 / this.scale;
+    }
+    this.width = width;
+    this.height = height;
+  }
 
   /** Shows an area; `below` are pixels at the bottom that something else covers. */
   fit([left, right, bottom, top], below = 0) {

@@ -1,5 +1,15 @@
 // Which layers are shown, how opaque, and in which colors; kept in the browser.
+import { COSTMAPS } from './colors.js';
 import { el } from './dom.js';
+
+/** Elements that explain the colors of costs. */
+export function legend(scheme) {
+  const table = COSTMAPS[scheme], ramp = el('canvas', { width: 252, height: 1, className: 'ramp' }), context = ramp.getContext('2d');
+  const css = (cost) => { const v = table[cost]; return `rgb(${v & 255} ${v >> 8 & 255} ${v >> 16 & 255})`; };
+  for (let cost = 1; cost < 253; cost++) { context.fillStyle = css(cost); context.fillRect(cost - 1, 0, 1, 1); }
+  const swatch = (cost, label) => { const box = el('i', { className: 'swatch' }); box.style.background = css(cost); return el('span', {}, box, label); };
+  return [el('span', {}, '1', ramp, '252'), swatch(253, 'inscribed 253'), swatch(254, 'lethal 254'), swatch(255, 'unknown')];
+}
 
 const LAYERS = [
   ['map', 'Map', true, 1], ['global', 'Global costmap', false, 0.6], ['local', 'Local costmap', true, 0.75], ['scan', 'Laser scans', true, 1],
@@ -25,7 +35,7 @@ export class Layers {
   get(name) { return this.items.get(name); }
 
   /** Layers that the server has to send. */
-  wanted() { return SERVER.filter((name) => this.get(name).on); }
+  wanted() { return SERVER.filter((name) => this.get(name).on || name === 'global'); } // its costs are shown under the pointer
 
   store() {
     try { localStorage.setItem(KEY, JSON.stringify({ scheme: this.scheme, items: Object.fromEntries(this.items) })); } catch { /* blocked */ }
@@ -50,6 +60,7 @@ export class Layers {
       el('h2', {}, 'Colors of costs and scores'),
       el('select', { id: 'scheme', 'aria-label': 'Colors of costs and scores', onchange: (e) => { this.scheme = e.target.value; this.store(); } },
         el('option', { value: 'rviz', selected: this.scheme === 'rviz' }, 'As in RViz'),
-        el('option', { value: 'cividis', selected: this.scheme === 'cividis' }, 'For color-blind people (cividis)')));
+        el('option', { value: 'cividis', selected: this.scheme === 'cividis' }, 'For color-blind people (cividis)')),
+      el('h2', {}, 'Map'), el('div', { className: 'row wrap', id: 'map-actions' }));
   }
 }

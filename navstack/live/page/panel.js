@@ -3,7 +3,9 @@ import { Chart } from './charts.js';
 import { $, button, copy, el, fixed, poseText, refresh, toast } from './dom.js';
 
 const TABS = [['robot', 'Robot'], ['goals', 'Goals'], ['layers', 'Layers'], ['parameters', 'Parameters'], ['why', 'Why']];
+const SIZE = 'navstack-live';
 const STATES = { SUCCEEDED: 'good', ABORTED: 'bad', REJECTED: 'bad', LOST: 'bad', PREEMPTED: 'warn', RECALLED: 'warn' };
+const ROUTINE = new Set(['plan', 'info']); // they do not end a row of others
 const EVENTS = { plan_failed: 'warn', control_failed: 'warn', recovery: 'warn', warning: 'warn', collision: 'bad' };
 
 export class Panel {
@@ -22,11 +24,42 @@ export class Panel {
     this.buildGoals();
     $('tab-why').append(el('p', { className: 'empty' }, 'Click a cell, a trajectory, a goal, an opening or a chart: here is why.'));
     this.show('robot');
+    this.resizable($('grip'));
+  }
+
+  /** The edge of the panel: dragged, or moved by arrow keys; its width (its height on a phone) is kept in the browser. */
+  resizable(grip) {
+    const style = document.documentElement.style, narrow = () => matchMedia('(max-width: 760px)').matches;
+    const size = () => { const box = $('panel').getBoundingClientRect(); return narrow() ? box.height : box.width; };
+    const set = (wanted) => {
+      const [name, least, most] = narrow() ? ['--sheet', 140, innerHeight * 0.7] : ['--panel', 280, innerWidth * 0.6];
+      const pixels = Math.round(Math.min(Math.max(wanted, least), most));
+      style.setProperty(name, `${pixels}px`);
+      try { localStorage.setItem(SIZE + name, String(pixels)); } catch { /* storage is blocked */ }
+    };
+    for (const name of ['--sheet', '--panel']) {
+      let saved = null;
+      try { saved = Number(localStorage.getItem(SIZE + name)); } catch { /* storage is blocked */ }
+      if (saved > 0) style.setProperty(name, `${saved}px`);
+    }
+    grip.addEventListener('pointerdown', (event) => { event.preventDefault(); grip.setPointerCapture(event.pointerId); });
+    grip.addEventListener('pointermove', (event) => {
+      if (!grip.hasPointerCapture(event.pointerId)) return;
+      const box = $('panel').getBoundingClientRect();
+      set(narrow() ? box.bottom - event.clientY : box.right - event.clientX);
+    });
+    grip.addEventListener('keydown', (event) => {
+      const step = { ArrowLeft: 24, ArrowUp: 24, ArrowRight: -24, ArrowDown: -24 }[event.key];
+      if (!step) return;
+      set(size() + step);
+      event.preventDefault();
+      event.stopPropagation();
+    });
   }
 
   show(name) {
     this.shown = name;
-    document.body.classList.toggle('wide', name === 'why');
+    if (name !== 'why') this.app.why.clear();
     for (const [other] of TABS) {
       $(`tab-${other}`).hidden = other !== name;
       $(`show-${other}`).setAttribute('aria-selected', String(other === name));
@@ -99,16 +132,17 @@ export class Panel {
     const values = [
       ['speed', fixed(side.velocity[0], 2), 'm/s'], ['turning', fixed(side.velocity[2], 2), 'rad/s'], ['clearance', fixed(clearance, 2), 'm'],
       ['command', fixed(side.command[0], 2), 'm/s'], ['command', fixed(side.command[2], 2), 'rad/s'], ['driven', fixed(side.length, 1), 'm'],
-      ['x', fixed(side.pose[0], 2), 'm'], ['y', fixed(side.pose[1], 2), 'm'], ['collisions', String(side.collisions), ''],
+      ['x', fixed(side.pose[0], 2), 'm'], ['y', fixed(side.pose[1], 2), 'm'], ['heading', fixed(side.pose[2] * 180 / Math.PI, 0), '°'], ['collisions', String(side.collisions), ''],
     ];
     const steers = side.steering !== undefined;
     if (steers) values.splice(6, 0, ['steering', fixed(side.steering, 2), 'rad']);
     this.charts[3].canvas.hidden = !steers;
     refresh(this.numbers, JSON.stringify(values), () => values.map(([label, value, unit]) => el('div', { className: 'number' }, el('span', {}, label), el('b', {}, value), ' ', el('i', {}, unit))));
     for (const chart of this.charts) chart.draw(side.samples, clock);
-    const events = side.events.filter((event) => event[1] <= side.t + 1e-6).slice(-60);
-    refresh(this.events, `${side.restarts} ${events.at(-1)?.[0]} ${events.length}`, () => events.reverse().map(([, time, kind, text]) => el('li', {},
-      el('time', {}, `${time.toFixed(1)} s`), el('span', { className: EVENTS[kind] ?? '' }, text || kind))));
+    const events = side.events.filter((event) => event[1] <= side.t + 1e-6);
+    refresh(this.events, `${side.restarts} ${events.at(-1)?.[0]} ${events.length}`, () => grouped(events).slice(-60).sort((a, b) => b.time - a.time).map((row) => el('li', {},
+      el('time', {}, `${row.time.toFixed(1)} s`), el('span', { className: EVENTS[row.kind] ?? '' }, row.text),
+      row.count > 1 ? el('span', { className: 'chip', title: `${row.count} times since ${row.since.toFixed(1)} s` }, `${row.count}×`) : null)));
   }
 
   updateGoals(goals) {
@@ -131,28 +165,18 @@ export class Panel {
   }
 }
 
-/** Questions and their answers. */
-export class Why {
-  constructor(app) { this.app = app; }
-
-  async ask(message, title, pose) {
-    const { panel, connection } = this.app, section = $('tab-why');
-    panel.show('why');
-    const text = el('pre', { id: 'answer', tabindex: 0 }, 'simulating again to find out …');
-    section.replaceChildren(el('h2', {}, title), ...(pose ? [el('div', { className: 'row' }, el('code', { id: 'pose-text' }, poseText(pose)), button('copy', 'Copy x,y,yaw', () => copy(poseText(pose))))] : []), text);
-    try {
-      const answer = await connection.request(this.app.about(message));
-      text.textContent = answer.text;
-    } catch (error) {
-      text.textContent = error.message;
-    }
+/** Events in rows: what repeats, apart from its numbers, while nothing else happens, is one row with the latest text. */
+export function grouped(events) {
+  const rows = [];
+  let open = new Map(); // the rows that go on
+  for (const [, time, kind, text] of events) {
+    const key = `${kind} ${text.replace(/[\d.]+/g, '#')}`, row = open.get(key);
+    if (row) { Object.assign(row, { time, text: text || kind, count: row.count + 1 }); continue; }
+    if (!ROUTINE.has(kind)) open = new Map();
+    open.set(key, { time, since: time, kind, text: text || kind, count: 1 });
+    rows.push(open.get(key));
   }
-
-  cell(u, v, costmap) { const [x, y] = [u, v].map((value) => Math.round(value * 100) / 100); return this.ask({ type: 'explain_cell', x, y, costmap }, `Why this cost? (${costmap} costmap)`, [x, y, 0]); }
-  command(time) { return this.ask({ type: 'explain_command', time: time === null ? null : Math.max(0, time) }, 'Why this command?'); }
-  sample(sample, time) { return this.ask({ type: 'explain_command', time, sample }, 'Why (not) this trajectory?'); }
-  goal(number) { return this.ask({ type: 'explain_goal', number }, 'What happened to this goal?'); }
-  passage(x, y) { return this.ask({ type: 'explain_passage', x, y }, 'Can the robot pass?', [x, y, 0]); }
+  return rows;
 }
 
 /** The dialog that asks for a name and saves. */

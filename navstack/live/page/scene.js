@@ -12,6 +12,7 @@ export class Scene {
     this.context = canvas.getContext('2d');
     this.map = new Grid();
     this.frames = 0;
+    this.fan = null; // function(scene, side) that draws the trajectories of an answer
     this.overlay = null; // function(scene, context, size of a pixel) of the tools
     this.front = null; // the robot whose scans, obstacles and trajectories are drawn
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -58,6 +59,7 @@ export class Scene {
     this.front = sides.find((side) => side === store.main) ?? sides[0];
     if (this.front) this.drawGrids(this.front);
     for (const side of [...sides.filter((other) => other !== this.front), ...(this.front ? [this.front] : [])]) this.drawSide(side, now);
+    for (const side of sides) this.fan?.(this, side);
     this.overlay?.(this, c, this.px);
   }
 

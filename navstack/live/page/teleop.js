@@ -38,7 +38,9 @@ export class Teleop {
     this.on = !this.on;
     this.release();
     $('drive').hidden = !this.on;
+    document.body.classList.toggle('driving', this.on);
     if (this.on) requestAnimationFrame(() => this.poll());
+    if (this.on && matchMedia('(max-width: 760px)').matches && !document.body.classList.contains('no-panel')) this.app.togglePanel(); // it covers the pad
     if (this.app.camera.fitted) this.app.fit(); // on a phone the map makes room for the pad
     this.app.changed();
   }

@@ -12,18 +12,24 @@ export const TOOLS = [
   ['wall', 'Add a wall (A)', 'a', 'Drag from end to end.'],
   ['person', 'Add a person (P)', 'p', 'Press, and drag to where the person walks.'],
   ['delete', 'Remove an obstacle (Delete)', 'Delete', 'Click an obstacle to remove it.'],
+  ['erase', 'Erase walls in the saved map (E)', 'e', 'Drag over walls: they are missing in the map that you save (tab Layers).'],
   null,
+  ['measure', 'Measure (M)', 'm', 'Drag: distance and direction.'],
   ['drive', 'Drive by hand (T)', 't', ''],
   ['copy', 'Copy a pose as x,y,yaw (C)', 'c', 'Press, and drag for the heading: copies x,y,yaw for the command line.'],
 ];
 const CLICK_PX = 6, NEAR_PX = 12;
 const POSES = ['goal', 'pose', 'copy'];
+const ERASER_M = 0.3;
+const COSTS = { 0: 'free', 253: 'inscribed', 254: 'lethal', 255: 'unknown' };
 
 export class Tools {
   constructor(app) {
     this.app = app;
     this.tool = 'why';
     this.pointers = new Map();
+    this.measured = null; // { x, y, x2, y2 }
+    this.erased = []; // strokes: { points: [[x, y], ..], width }
     this.cross = null; // keyboard: { x, y, yaw }
     for (const item of TOOLS) {
       if (!item) { $('tools').append(el('hr')); continue; }
@@ -33,6 +39,20 @@ export class Tools {
     this.canvas = $('scene'); // the one that was used last
     for (const scene of app.scenes) this.listen(scene);
     this.choose('why');
+  }
+
+  /** The buttons of the tab Layers that save the map. */
+  buildActions() {
+    const { app } = this;
+    $('map-actions').append(
+      el('button', { type: 'button', className: 'outline', id: 'save-map', title: 'The map with your obstacles that stand still, without what you erased', onclick: () => app.save.open('map', 'Save as a map', { erased: this.erased }) }, 'Save as map'),
+      el('button', { type: 'button', className: 'outline', id: 'undo-erase', onclick: () => { this.erased.pop(); app.changed(); } }, 'Undo erasing'));
+  }
+
+  /** The cost of the cell at a point of the map, in the costmap that is seen there. */
+  costText(side, x, y) {
+    const { layers } = this.app, local = layers.get('local').on ? side.grids.local.at(...toOdom(side, x, y)) : null, cost = local ?? side.grids.global.at(x, y);
+    return cost === null ? '' : ` · ${local === null ? 'global' : 'local'} ${COSTS[cost] ? `${COSTS[cost]} (${cost})` : `cost ${cost}`}`;
   }
 
   listen(scene) {
@@ -71,7 +91,9 @@ export class Tools {
     const [x, y] = this.at(event), pan = event.button === 1 || event.button === 2;
     const shape = pan ? null : this.shapeAt(x, y);
     const kind = pan || (this.tool === 'why' && !(shape && this.canMove(shape))) ? 'pan' : this.tool === 'why' ? 'shape' : 'tool';
-    this.drag = { kind, x, y, x2: x, y2: y, u: event.clientX, v: event.clientY, shape, moved: false, shift: event.shiftKey };
+    const points = kind === 'tool' && this.tool === 'erase' ? [[x, y]] : null;
+    this.measured = null;
+    this.drag = { kind, points, x, y, x2: x, y2: y, u: event.clientX, v: event.clientY, shape, moved: false, shift: event.shiftKey };
     this.cross = null;
     this.app.select(shape?.name ?? null);
     this.app.changed();
@@ -86,6 +108,7 @@ export class Tools {
       drag.moved ||= Math.hypot(event.clientX - drag.u, event.clientY - drag.v) > CLICK_PX;
       if (drag.kind === 'pan' && drag.moved) { this.app.camera.pan(event.clientX - before[0], event.clientY - before[1]); this.app.follow = false; }
       [drag.x2, drag.y2] = this.pointer;
+      if (drag.points && Math.hypot(drag.x2 - drag.points.at(-1)[0], drag.y2 - drag.points.at(-1)[1]) > ERASER_M / 3) drag.points.push([drag.x2, drag.y2]);
       this.canvas.classList.toggle('pan', drag.kind === 'pan' && drag.moved);
     }
     this.app.changed();
@@ -137,11 +160,15 @@ export class Tools {
       case 'goal': app.goal(pose, drag.shift); break;
       case 'pose': app.act({ type: 'place', pose }); break;
       case 'copy': app.copyPose(pose); break;
+      case 'measure': this.measured = drag.moved ? drag : null; break;
+      case 'erase': this.erased.push({ points: (drag.points ?? [[drag.x, drag.y]]).slice(0, 400).map((p) => p.map((v) => Math.round(v * 1000) / 1000)), width: ERASER_M }); break;
       case 'passage': app.why.passage(drag.x, drag.y); break;
       case 'delete': if (drag.shape) app.act({ type: 'remove', name: drag.shape.name }); else app.toast('There is no obstacle here; only obstacles that are not on the map can be removed.', 'warning'); break;
       default: app.act({ type: 'put', shape: { name: this.freeName(this.tool), ...this.shape(this.tool, drag) } });
     }
   }
+
+  measureText({ x, y, x2, y2 }) { return `${Math.hypot(x2 - x, y2 - y).toFixed(2)} m, ${Math.round(Math.atan2(y2 - y, x2 - x) * 180 / Math.PI)}°`; }
 
   freeName(kind) {
     const names = new Set(this.app.store.main.shapes.map((shape) => shape.name));
@@ -246,6 +273,19 @@ export class Tools {
 
   draw(scene, context, px) {
     const { theme } = this.app, drag = this.drag;
+    for (const { points, width } of [...this.erased, ...(drag?.points ? [{ points: drag.points, width: ERASER_M }] : [])]) {
+      const flat = points.length > 1 ? points.flat() : [...points[0], points[0][0] + 1e-6, points[0][1]];
+      context.globalAlpha = 0.85;
+      scene.line(flat, theme.mapFree, width / px);
+      context.globalAlpha = 1;
+      scene.line(flat, theme.bad, 1, [3, 5]);
+    }
+    const ruler = drag?.kind === 'tool' && this.tool === 'measure' ? drag : this.measured;
+    if (ruler) {
+      const dx = ruler.x2 - ruler.x, dy = ruler.y2 - ruler.y, length = Math.hypot(dx, dy);
+      scene.line([ruler.x, ruler.y, ruler.x2, ruler.y2], theme.accent, 2.5);
+      if (length) scene.text(this.measureText(ruler), ruler.x2, ruler.y2 + 16 * px, theme.accent, 13);
+    }
     if (drag?.kind === 'tool') {
       if (POSES.includes(this.tool)) scene.arrow(this.pose(drag), this.tool === 'pose' ? theme.robot : theme.accent, '', { size: 20 });
       else if (['disc', 'box', 'wall', 'person'].includes(this.tool)) {

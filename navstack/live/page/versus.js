@@ -1,20 +1,47 @@
-// Two robots with different parameters in the same world: side by side or overlaid; which one the panel is about; the differences.
+// Two robots with different parameters in the same world: side by side, one above the other, or overlaid; which one the panel is about; the differences.
 import { $, el, refresh } from './dom.js';
 
-const KEY = 'navstack-live-overlaid';
+const KEY = 'navstack-live-arrangement', ARRANGEMENTS = ['beside', 'overlaid', 'stacked'];
+const GAIN = 1.3; // a wide map is shown one above the other if that makes it larger by this factor
+
+const narrow = () => matchMedia('(max-width: 760px)').matches;
 
 export class Versus {
   constructor(app) {
     this.app = app;
-    try { this.overlaid = localStorage.getItem(KEY) === 'true'; } catch { this.overlaid = false; }
+    this.wanted = null; // an arrangement that the user has chosen
+    try { this.wanted = localStorage.getItem(KEY); } catch { /* storage is blocked */ }
     $('split').addEventListener('click', () => {
-      this.overlaid = !this.overlaid;
-      try { localStorage.setItem(KEY, String(this.overlaid)); } catch { /* storage is blocked */ }
+      const choices = ARRANGEMENTS.filter((name) => name !== 'stacked' || !narrow());
+      this.wanted = choices[(choices.indexOf(this.arrangement) + 1) % choices.length];
+      try { localStorage.setItem(KEY, this.wanted); } catch { /* storage is blocked */ }
       this.arrange();
     });
   }
 
+  /** How the two robots are shown; on a phone, side by side is one above the other. */
+  get arrangement() {
+    if (ARRANGEMENTS.includes(this.wanted) && !(this.wanted === 'stacked' && narrow())) return this.wanted;
+    const { extent } = this.app.scene, box = $('stage').getBoundingClientRect();
+    if (!extent || narrow()) return 'beside';
+    const scale = (width, height) => Math.min(width / (extent[1] - extent[0]), height / (extent[3] - extent[2]));
+    return scale(box.width, box.height / 2) > GAIN * scale(box.width / 2, box.height) ? 'stacked' : 'beside';
+  }
+
+  get overlaid() { return this.arrangement === 'overlaid'; }
+
   get two() { return this.app.store.sides.length > 1; }
+
+  /** Pixels at the bottom of a map that the table covers. */
+  get below() { return this.two && this.onStage ? $('versus').offsetHeight + 20 || 130 : 0; }
+
+  /** The table is in the panel, so that the maps have the stage; on the stage where the panel is closed or below the maps. */
+  get onStage() { return narrow() || document.body.classList.contains('no-panel'); }
+
+  place() {
+    const box = $('versus');
+    if (this.onStage !== (box.parentElement === $('stage'))) { if (this.onStage) $('stage').append(box); else $('which').after(box); }
+  }
 
   world(world) {
     $('split').hidden = $('which').hidden = !this.two;
@@ -25,12 +52,15 @@ export class Versus {
     this.mark();
   }
 
-  /** One canvas with both robots, or one each. */
+  /** One canvas with both robots, or one each; the map fills the place that it gets. */
   arrange() {
     const { app } = this, alone = this.two && !this.overlaid;
+    this.place();
     for (const scene of app.scenes) scene.alone = alone;
     for (const id of ['scene2', 'name1', 'name2']) $(id).hidden = !alone;
     document.body.classList.toggle('split', alone);
+    document.body.classList.toggle('stacked', alone && this.arrangement === 'stacked');
+    document.body.classList.toggle('two', this.two);
     $('split').setAttribute('aria-pressed', String(alone));
     for (const scene of app.scenes) scene.resize();
     if (this.two) app.fit();
@@ -50,6 +80,7 @@ export class Versus {
 
   update() {
     const box = $('versus'), { store } = this.app;
+    this.place();
     box.hidden = !this.two || !store.sides.every((side) => side.pose);
     if (box.hidden) return;
     const rows = store.sides.map((side) => ({
