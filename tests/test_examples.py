@@ -31,7 +31,7 @@ DISC = (11.4, 7.0, 0.6)
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The interpreter of a fresh environment with the examples; dependencies and navstack come from the present one."""
+    """The interpreter of a fresh environment with the examples; dependencies and navstack come from the current one."""
     folder = tmp_path_factory.mktemp("environment")
     wheels = tmp_path_factory.mktemp("wheels")
     venv.create(folder, with_pip=False)

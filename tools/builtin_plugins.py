@@ -29,7 +29,7 @@ class PluginNames(NamedTuple):
     """What the YAML of one plugin may contain."""
 
     values: str
-    """Names of its parameters, current and former, separated by blanks."""
+    """Names of its parameters, current and previous, separated by blanks."""
     others: str = ""
     """Names that are accepted without effect, and namespaces."""
     namespaces: str = ""

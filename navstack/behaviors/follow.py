@@ -213,7 +213,7 @@ class FollowTrajectory(Motion):
         return self.running(*self._saturated(speed, rate), data, note)
 
     def ahead(self, pose: Pose2D, now: float, *, whole: bool) -> NDArray[np.float64]:
-        """Return the trajectory from the present time on, seen from the robot."""
+        """Return the trajectory from the current time on, seen from the robot."""
         trajectory, costmap = self.trajectory, self.context.local_costmap
         if self._clock is None and not whole:
             left = angle_between(pose.yaw, trajectory.start.yaw)

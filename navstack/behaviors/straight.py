@@ -228,7 +228,7 @@ class Move(Motion):
             speed,
             steering_to_line(on_line, speed, limits.max_turn_rate, p),
             data,
-            f"{what}: {on_line.x:.3f} of {self.distance:.3f} m driven, {abs(on_line.y):.3f} m off the line",
+            f"{what}: moved {on_line.x:.3f} of {self.distance:.3f} m, {abs(on_line.y):.3f} m off the line",
         )
 
     def ahead(self, pose: Pose2D, now: float, *, whole: bool) -> NDArray[np.float64]:

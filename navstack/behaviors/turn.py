@@ -346,7 +346,7 @@ class Turn(Motion):
         rate = math.copysign(min(fastest, braking_speed(abs(left), limits.max_turn_acceleration, self.dt)), left)
         what = "turning" if abs(rate) == fastest else "braking for the target"
         turned, angle = math.degrees(done), math.degrees(self.angle)
-        return self.running(0.0, rate, data, f"{what}: {turned:.1f} of {angle:.1f} degrees turned")
+        return self.running(0.0, rate, data, f"{what}: turned {turned:.1f} of {angle:.1f} degrees")
 
     def ahead(self, pose: Pose2D, now: float, *, whole: bool) -> NDArray[np.float64]:
         """Return the rest of the turn, or what `simulate_ahead_time` covers."""

@@ -99,9 +99,9 @@ class TaskFeedback:
     """s at the mean speed so far; None if that is unknown."""
     number_of_recoveries: int
     number_of_poses_remaining: int
-    """Including the present one."""
+    """Including the current one."""
     current_waypoint: int
-    """Index of the present pose."""
+    """Index of the current pose."""
 
 
 class FollowPath(Behavior):
@@ -177,7 +177,7 @@ class NavigatorServices(ABC):
 
     @abstractmethod
     def cancelTask(self) -> None:
-        """Cancel the present task and wait for its end."""
+        """Cancel the current task and wait for its end."""
 
     @abstractmethod
     def _tick(self, end: float) -> None:
@@ -322,11 +322,11 @@ class NavigatorServices(ABC):
         self.move_base.shutdown()
 
     def destroyNode(self) -> None:
-        """End the present task: there is no ROS node to destroy."""
+        """End the current task: there is no ROS node to destroy."""
         self.cancelTask()
 
     def destroy_node(self) -> None:
-        """End the present task: there is no ROS node to destroy."""
+        """End the current task: there is no ROS node to destroy."""
         self.cancelTask()
 
     def info(self, msg: str) -> None:
@@ -543,7 +543,7 @@ class BasicNavigator(NavigatorServices):
         return self._run_behavior(DriveOnHeading("drive_on_heading", params))
 
     def cancelTask(self) -> None:
-        """Cancel the present task and wait for its end, at most one control cycle."""
+        """Cancel the current task and wait for its end, at most one control cycle."""
         if self._runner.running is not None:
             self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behavior was canceled"))
         elif self._handle is not None and not self._handle.is_done:
@@ -630,7 +630,7 @@ class BasicNavigator(NavigatorServices):
             self._check_goal()
 
     def _check_goal(self) -> None:
-        """Send the next pose once the robot has reached or passed the present one."""
+        """Send the next pose once the robot has reached or passed the current one."""
         handle = self._handle
         assert handle is not None
         last = self._index + 1 == len(self._poses)

@@ -52,7 +52,7 @@ def diff(
 ) -> None:
     """Print the differences between the effective parameters of two sets.
 
-    Defaults written out, former names and the layout of the files make no difference.
+    Defaults written out, previous names and the layout of the files make no difference.
     """
     one, other = (
         {p.name: p for p in parameters_of(load_configuration([s], allow_missing=allow_missing))}

@@ -241,7 +241,7 @@ def _draw_failure(query: _Query, candidate: Candidate, error: PlanningError, pic
         start=query.start,
         goal=query.goal,
         footprint=costmap.footprint,
-        title=f"{query.map.stem}: no plan of {candidate.label}",
+        title=f"{query.map.stem}: {candidate.label} found no plan",
         subtitle=f"{error.name} ({error.code})",
         failure=error.data,
     )

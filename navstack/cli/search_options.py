@@ -56,7 +56,7 @@ class SearchArguments(NamedTuple):
         typer.Option(
             "--limit-factor",
             metavar="F",
-            help="Search speeds and accelerations up to F times their present values, if your robot can do that.",
+            help="Search speeds and accelerations up to F times their current values, if your robot can do that.",
             min=1.0,
             max=100.0,
         ),

@@ -229,7 +229,7 @@ class MapDisplay:
         self._live.__exit__(kind, exc, trace)
 
     def show(self) -> None:
-        """Draw the present state."""
+        """Draw the current state."""
         self._live.update(self._picture(), refresh=True)
 
     def _picture(self) -> Any:

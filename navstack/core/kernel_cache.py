@@ -390,7 +390,7 @@ def _note_use(file: Path) -> None:
 
 @cache
 def _remove_outdated(present: Path) -> None:
-    """Remove what was not used for a month: files in the present folder, and folders of other versions; once per process."""
+    """Remove what was not used for a month: files in the current folder, and folders of other versions; once per process."""
     oldest = time.time() - _OUTDATED_S
     with contextlib.suppress(OSError):
         for file in present.iterdir():

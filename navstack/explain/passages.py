@@ -353,9 +353,9 @@ def find_passages(
     `narrowest` and `widest` limit the widths (m); the defaults are the inscribed radius (half the width of the robot) and
     the width at which inflation ends, at least 1.25 m and one and a half times the width for a turn in place. The report
     counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps next to smaller free-standing obstacles, which the
-    robot can drive around. `unknown_is_wall` treats unknown space as walls, for maps whose walls are unknown cells. For a robot that is not round, `PassageReport.shapes` has the headings at which it passes
-    and, with a `turning_radius` (m; default: that of base and controller), a way through. `progress(done, total)` is called
-    after each of these.
+    robot can drive around. `unknown_is_wall` treats unknown space as walls, for maps whose walls are unknown cells. For a
+    robot that is not round, `PassageReport.shapes` has the headings at which it passes and, with a `turning_radius` (m;
+    default: that of base and controller), a way through. `progress(done, total)` is called after each of these.
     Raises InputError for limits without a width between them.
     """
     chosen = configuration.local_costmap if costmap == "local" else configuration.global_costmap

@@ -291,7 +291,7 @@ class Twin:
     configuration: Configuration
     """The parameters in force."""
     until: float
-    """The present time (s)."""
+    """The current time (s)."""
     goals: tuple[tuple[str, float], ...]
     """Id of each goal so far, and when it was sent (s)."""
     checkpoints: tuple[Checkpoint, ...]

@@ -61,7 +61,7 @@ class LoggedTwin:
     configuration: Configuration
     _record: Record
     until: float
-    """The present time (s)."""
+    """The current time (s)."""
 
     def record_for_command(self, time: float) -> Record:
         """Returns the record of the whole replay."""

@@ -88,7 +88,7 @@ def shifted(cells: NDArray[np.uint8], dx: int, dy: int) -> NDArray[np.uint8]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The potential of the global planner, on the present costmap, as a small image.
+# The potential of the global planner, on the current costmap, as a small image.
 
 
 LONGEST_SIDE: Final = 256
@@ -97,7 +97,7 @@ UNREACHED: Final = 255
 
 
 class PotentialView:
-    """The potential of the present plan as one page knows it."""
+    """The potential of the current plan as one page knows it."""
 
     def __init__(self) -> None:
         self._shown = (-1, -1)

@@ -462,7 +462,7 @@ class ArcCheck:
     """Checks arcs, with buffers of its own.
 
     ROS differs: Nav2 checks edges of the footprint at Euler steps of a cell that end before the duration, so that of a robot
-    slower than a cell per duration only the present pose is checked, and corners of a long robot that turns skip cells. Here
+    slower than a cell per duration only the current pose is checked, and corners of a long robot that turns skip cells. Here
     overlapped cells count, on the arc itself, up to its end, and no corner moves by more than a cell per step; the turn of
     a round robot covers nothing else.
     """

@@ -105,7 +105,7 @@ class Amcl(Localizer):
 
     @property
     def sensor_model(self) -> SensorModel | None:
-        """The likelihood of scans on the present map."""
+        """The likelihood of scans on the current map."""
         return self._model
 
     def set_map(self, grid: OccupancyGrid) -> None:

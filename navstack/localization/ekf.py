@@ -501,7 +501,7 @@ class Ekf:
         return self._fuse(measurement)
 
     def _fuse(self, measurement: _Measurement) -> bool:
-        """Predict to the stamp and correct; a measurement that is a little late corrects the present state."""
+        """Predict to the stamp and correct; a measurement that is a little late corrects the current state."""
         if self._stamp is None:
             return self._start(measurement)
         out = np.empty(9)

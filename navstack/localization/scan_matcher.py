@@ -52,7 +52,7 @@ class ScanMatcher(Localizer):
     # --- the interface of localizers ----------------------------------------------------------------------------------
 
     def set_map(self, grid: OccupancyGrid) -> None:
-        """Use this map from now on; the present estimate stays, other hypotheses are dropped."""
+        """Use this map from now on; the current estimate stays, other hypotheses are dropped."""
         self.set_match_map(MatchMap(grid))
 
     def set_match_map(self, match_map: MatchMap) -> None:

@@ -293,7 +293,7 @@ class LostCheck:
     def observe(self, now: float) -> bool:
         """Read the status at `now` (s) and publish a change; return True if the robot has found itself.
 
-        What was marked and planned from its former poses is wrong then. With the action "ignore" this is False.
+        What was marked and planned from its previous poses is wrong then. With the action "ignore" this is False.
         """
         events, robot = self._events, self._robot
         try:

@@ -232,7 +232,7 @@ class SpeedLimiter:
 
     def __init__(self, costmaps: Sequence[CostmapServer], planner: LocalPlanner) -> None:
         self.limit: float | None = None
-        """The present limit (m/s); None without a limit."""
+        """The current limit (m/s); None without a limit."""
         self._planner = planner
         self._costmaps = [costmap for costmap in costmaps if costmap.limits_speed]
         self.is_needed = bool(self._costmaps)

@@ -302,7 +302,7 @@ class GoalHandle:
         """Apply a call of the server at `now` (s).
 
         A terminal status has a result; the default is made of status and text. Raises GoalTransitionError, and changes
-        nothing, if the call is illegal in the present status.
+        nothing, if the call is illegal in the current status.
         """
         status = after(call, self.status)
         self.status = status

@@ -295,7 +295,7 @@ class MoveBase:
     def _apply(self, event: NavEvent, now: float, error: NavError | None = None) -> None:
         """Take the transition of an event at `now` (s), execute its actions and end the goal if the transition does.
 
-        `error` is the reason for the event. An event that is illegal in the present state ends the goal.
+        `error` is the reason for the event. An event that is illegal in the current state ends the goal.
         """
         if error is not None and self._goal is not None:
             self._goal.error = error
@@ -477,7 +477,7 @@ class MoveBase:
         return PlanRequest(self._global_planner, costmap.master, start, pose, costmap.footprint, goal.handle.id, now)
 
     def _take_answer(self, answer: PlanAnswer, now: float) -> None:
-        """Apply an answer, unless it is for another goal or in the global costmap's former frame."""
+        """Apply an answer, unless it is for another goal or in the global costmap's previous frame."""
         goal, costmap = self._goal, self.global_costmap
         if goal is None or answer.goal_id != goal.handle.id:
             return
@@ -738,7 +738,7 @@ class MoveBase:
         self._apply(NavEvent.RECOVERIES_EXHAUSTED, now)
 
     def _start_recovery(self, now: float) -> None:
-        """Start the behavior at the present index and execute its first step."""
+        """Start the behavior at the current index and execute its first step."""
         goal = self._goal
         assert goal is not None
         behavior = self._recoveries.behaviors[self._state.recovery_index]
@@ -819,10 +819,10 @@ class MoveBase:
         stamp: float | None = None,
         time_limit_s: float | None = None,
     ) -> GoalHandle:
-        """Send a goal `pose` (m, rad) in `frame` (default: the global costmap's), which replaces the present goal.
+        """Send a goal `pose` (m, rad) in `frame` (default: the global costmap's), which replaces the current goal.
 
         With `orientation` (x, y, z, w) the heading is that of the quaternion. `stamp` (s) defaults to the time of the last
-        tick; a goal stamped before the present goal is RECALLED. `time_limit_s` counts from acceptance; `goal_time_limit_s`
+        tick; a goal stamped before the current goal is RECALLED. `time_limit_s` counts from acceptance; `goal_time_limit_s`
         if None. An invalid goal is reported by the handle, which reaches a terminal state in every case.
         Raises InputError if `pose` is not a Pose2D, or for an invalid stamp or time limit.
         """

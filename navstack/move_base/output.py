@@ -32,7 +32,7 @@ class CommandOutput:
         self._costmaps = {"local_costmap": local_costmap, "global_costmap": global_costmap}
         self._events = events
         self.tick = TickResult(0.0)
-        """The result of the present tick, in which the last command is kept."""
+        """The result of the current tick, in which the last command is kept."""
 
     @property
     def executed(self) -> Twist2D:

@@ -187,7 +187,7 @@ class Planning(Protocol):
 
 
 class InlinePlanning:
-    """Plans at once on the present costmap; the answer is available `planning_time` (s) later."""
+    """Plans at once on the current costmap; the answer is available `planning_time` (s) later."""
 
     def __init__(self, planning_time: float | Callable[[float], float] = 0.0) -> None:
         """Set the planning time (s): a number, or a function of the time of the request (s); inf for never."""
@@ -317,7 +317,7 @@ class ThreadPlanning:
         self.keep_potential = False
         """Whether plans are to have their potential, for viewers."""
         self.hung = 0
-        """How often the present planner was replaced because it hung."""
+        """How often the current planner was replaced because it hung."""
         self._on_answer = on_answer
         self._worker: _Worker | None = None
         self._planner: GlobalPlanner | None = None
@@ -413,7 +413,7 @@ class ThreadPlanning:
         return any(worker.planner is planner and not worker.idle.is_set() for worker in workers)
 
     def close(self, timeout_s: float = 0.0) -> bool:
-        """End the thread after its present job; return True if it ends within `timeout_s` (s). Abandoned threads remain."""
+        """End the thread after its current job; return True if it ends within `timeout_s` (s). Abandoned threads remain."""
         self.abandon()
         worker, self._worker = self._worker, None
         self._planner = None

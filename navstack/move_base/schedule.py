@@ -53,7 +53,7 @@ class Schedule:
             self._count = 0
 
     def set_frequency(self, frequency: float, now: float) -> None:
-        """Change the frequency (Hz) and make the schedule due at `now` (s); the present frequency changes nothing."""
+        """Change the frequency (Hz) and make the schedule due at `now` (s); the current frequency changes nothing."""
         if frequency != self.frequency:
             self.frequency = frequency
             self.due = math.inf

@@ -268,7 +268,7 @@ _PLANNING = (
 _CONTROLLING = (
     Transition(_M.CONTROLLING, _E.CYCLE, _M.CONTROLLING),
     Transition(_M.CONTROLLING, _E.PLAN_FOUND, _M.CONTROLLING, (_A.RESET_PLAN_PATIENCE,)),
-    Transition(_M.CONTROLLING, _E.PLAN_FAILED, _M.CONTROLLING),  # the robot follows its present plan
+    Transition(_M.CONTROLLING, _E.PLAN_FAILED, _M.CONTROLLING),  # the robot follows its current plan
     _end(_M.CONTROLLING, _E.GOAL_REACHED, _O.REACHED),
     Transition(_M.CONTROLLING, _E.OSCILLATING, _M.CLEARING, _RECOVER, set_trigger=_T.OSCILLATION_R),
     Transition(
@@ -333,7 +333,7 @@ TABLE: Final[Mapping[tuple[Mode, NavEvent, Trigger], Transition]] = MappingProxy
 
 
 ILLEGAL_ACTIONS: Final = (Action.STOP_PLANNER, Action.DROP_RECOVERY, Action.STOP, Action.STOP_COSTMAPS)
-"""What follows an event that is illegal in the present state: the goal ends with BAD_STATE."""
+"""What follows an event that is illegal in the current state: the goal ends with BAD_STATE."""
 
 
 @lru_cache(maxsize=4096)

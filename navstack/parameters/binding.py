@@ -62,7 +62,7 @@ def bounds_of(info: FieldInfo) -> dict[str, float]:
 
 
 def iter_names(model: type[ParamModel]) -> Iterator[str]:
-    """Yield every name that a user may write in the namespace of a model: current, former and without effect."""
+    """Yield every name that a user may write in the namespace of a model: current, previous and without effect."""
     yield from (n for n in model.model_fields if n != model.CHILD_FIELD and n not in model.FROM_NAVSTACK)
     yield from model.RENAMED
     yield from model.NO_EFFECT
@@ -595,7 +595,7 @@ class Binder:
                 leaf.used = True
                 ros = f"; its value {show(leaf.value)} is used here, but current ROS releases may ignore it"
                 message = (
-                    f"{old} is the former name of {new}{ros if self._validator.of_ros else ''}; rename it to {new}"
+                    f"{old} is the previous name of {new}{ros if self._validator.of_ros else ''}; rename it to {new}"
                 )
                 self._validator.add_finding("info", "renamed", leaf.at, leaf.path, message, new, new)
                 return leaf

@@ -62,4 +62,4 @@ FOREIGN_PARAMETERS = {
 """Package -> parameters that occur in the namespaces of other components."""
 
 REMOVED_PARAMETERS = {"planner_costmap_publish_frequency": "no component reads it any more (navfn removed it)"}
-"""Parameters of former releases that no component reads -> reason."""
+"""Parameters of earlier releases that no component reads -> reason."""

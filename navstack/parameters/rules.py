@@ -128,7 +128,7 @@ def _space(root: Space, path: str) -> Space | None:
 
 
 def _leaf(root: Space, path: str, model: type[ParamModel] | None, name: str) -> Leaf | None:
-    """The parameter as written, by its current or a former name; the costmap's level wins where it overrides."""
+    """The parameter as written, by its current or a previous name; the costmap's level wins where it overrides."""
     space = _space(root, path)
     if space is None:
         return None

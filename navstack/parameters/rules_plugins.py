@@ -46,7 +46,7 @@ document(
 document(
     "footprint-ignored",
     "warning",
-    """With `consider_footprint: false` a critic takes the robot for a disc of its inscribed radius. The corners of an
+    """With `consider_footprint: false` a critic treats the robot as a disc of its inscribed radius. The corners of an
     elongated robot then touch obstacles.
 
     Fix: set `consider_footprint: true`.

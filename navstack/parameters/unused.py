@@ -369,7 +369,7 @@ class _UnusedCheck:
         self._unknown_leaf(where, leaf, models, close)
 
     def _declared(self, where: str, leaf: Leaf, models: Sequence[type[ParamModel]]) -> bool:
-        """Report a name that a model declares as without effect or as a former name that is overridden."""
+        """Report a name that a model declares as without effect or as a previous name that is overridden."""
         name = leaf.name
         for model in models:
             if name in model.NO_EFFECT:
@@ -377,7 +377,7 @@ class _UnusedCheck:
                 return True
             if name in model.RENAMED:
                 new = model.RENAMED[name]
-                message = f"{name} is the former name of {new}, which is also set and takes precedence; remove {name}"
+                message = f"{name} is the previous name of {new}, which is also set and takes precedence; remove {name}"
                 self._add("warning", "renamed", leaf, message, new)
                 return True
         return False
@@ -567,7 +567,7 @@ class _UnusedCheck:
 
 
 def _is_certain(name: str, close: str, models: Sequence[type[ParamModel]]) -> bool:
-    """True if no other parameter of the models can be meant; former names of one parameter mean the same."""
+    """True if no other parameter of the models can be meant; previous names of one parameter mean the same."""
     current = {n: next((m.RENAMED[n] for m in models if n in m.RENAMED), n) for m in models for n in iter_names(m)}
     others = [n for n, meant in current.items() if meant != current.get(close, close)]
     return is_certain(name, close, others)

@@ -89,7 +89,7 @@ def _relative(file: str) -> str:
 
 
 def limits_of(planner: LocalPlanner) -> VelocityLimits:
-    """Return the present limits of a local planner, which are numbers. Raises NavError."""
+    """Return the current limits of a local planner, which are numbers. Raises NavError."""
     try:
         limits: Any = planner.limits
     except NavError:

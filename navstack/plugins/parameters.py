@@ -19,7 +19,7 @@ class ParamModel(BaseModel):
 
     Class variables declare what a field cannot:
 
-    - `RENAMED`: former name -> current name. The value is used, with a note.
+    - `RENAMED`: previous name -> current name. The value is used, with a note.
     - `NO_EFFECT`: a name that ROS reads, or read once, without any effect -> reason. Accepted, with a note.
     - `SEARCHED`: fields looked up in the enclosing namespaces if absent (ROS searchParam).
     - `FROM_PARENT`: fields that the enclosing namespace overrides (costmap_2d copyParentParameters).

@@ -37,7 +37,7 @@ ENOUGH: Final = 0.5
 
 
 class ThreadTimes:
-    """Times of the present thread (s)."""
+    """Times of the current thread (s)."""
 
     def __init__(self) -> None:
         try:

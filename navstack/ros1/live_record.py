@@ -138,7 +138,7 @@ class LiveRecord:
     # --- pieces -------------------------------------------------------------------------------------------------------
 
     def save(self, move_base: MoveBase, *, wait: bool = False) -> Path:
-        """End the present piece and write it in a thread; return its folder. With `wait`, it has been written."""
+        """End the current piece and write it in a thread; return its folder. With `wait`, it has been written."""
         recorder, now = self._recorder, move_base.now
         if self._map is not None:
             goals = tuple(self._goals)

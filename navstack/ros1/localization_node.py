@@ -141,7 +141,7 @@ class LocalizationNode(ABC):
 
     @abstractmethod
     def process(self, now: float) -> None:
-        """Process the data that wait, at the present time (s)."""
+        """Process the data that wait, at the current time (s)."""
 
     def end(self) -> None:  # noqa: B027
         """Called at the end of the node, while it can still publish."""

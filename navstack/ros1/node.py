@@ -192,7 +192,7 @@ class NodeClock:
         return len(self._parts) - 1
 
     def now(self) -> float:
-        """Return the present time (s)."""
+        """Return the current time (s)."""
         now_ns = int(self._rospy.Time.now().to_nsec())
         if now_ns < self._last_ns - JUMP_NS:
             jumped_at = seconds(self._last_ns, self._start_ns)

@@ -29,7 +29,7 @@ NOT_OURS: Final = (
 WRITTEN: Final = "navstack_written"
 """Parameter `~` that shows a later start that the node has written its parameters to the server.
 
-Its value lists the parameters that were read by a former name: [path, former name, current name, value] each.
+Its value lists the parameters that were read by a previous name: [path, previous name, current name, value] each.
 """
 
 
@@ -64,7 +64,7 @@ def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: 
 
 
 def renamed(configuration: Configuration) -> list[list[Any]]:
-    """Return the parameters that were read by a former name, as a list for `WRITTEN`."""
+    """Return the parameters that were read by a previous name, as a list for `WRITTEN`."""
     found: list[list[Any]] = []
     for item in configuration.findings:
         if item.rule == "renamed" and item.severity == "info":
@@ -76,9 +76,9 @@ def renamed(configuration: Configuration) -> list[list[Any]]:
 
 
 def _merge_renamed(values: dict[str, Any], written: list[Any], *, overlaid: bool) -> None:
-    """Drop one of two names of a parameter: an earlier start has read the former name, and written the current one.
+    """Drop one of two names of a parameter: an earlier start has read the previous name, and written the current one.
 
-    The former name counts where it has been set again since, and where it is not on the server: then it was that of a file,
+    The previous name counts where it has been set again since, and where it is not on the server: then it was that of a file,
     which is read again if this start is `overlaid` by files. Both names of a parameter in a file are another matter: they are
     reported.
     """

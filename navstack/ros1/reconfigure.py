@@ -93,7 +93,7 @@ class ReconfigureServers:
         ros.rospy().set_param(f"~{WRITTEN}", renamed(self._first) or True)
 
     def value(self, name: str) -> Any:
-        """Return the present value of a parameter by its full name."""
+        """Return the current value of a parameter by its full name."""
         return next(p.value for p in parameters_of(self.configuration) if p.name == name)
 
 

@@ -197,7 +197,7 @@ def braking_poses(velocity, commands, until, decel, dt, reach, poses):
     """Write the poses while a robot follows one command, then another, and then brakes to a stop; return their number.
 
     `commands` (2, 3) are followed up to the times `until` (2,). `poses` (n, 4): x, y, yaw, and the path length that no part of
-    the shape exceeds up to there (m); the first one is the present pose. Velocities change by at most `decel` (3,),
+    the shape exceeds up to there (m); the first one is the current pose. Velocities change by at most `decel` (3,),
     magnitudes (m/s², rad/s²).
     """
     vx, vy, w = velocity[0], velocity[1], velocity[2]

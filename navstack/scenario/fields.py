@@ -82,7 +82,7 @@ def file_key(name: str) -> str:
 def file_model(
     name: str, doc: str, declared: Mapping[str, tuple[Any, Any]], renamed: Mapping[str, str]
 ) -> type[ParamModel]:
-    """Return the model of a section of a file with these fields; `renamed`: former key -> key."""
+    """Return the model of a section of a file with these fields; `renamed`: previous key -> key."""
     annotations = {key: kind for key, (kind, _) in declared.items()}
     defaults = {key: declaration for key, (_, declaration) in declared.items()}
     body = {"__module__": __name__, "__doc__": doc, "__annotations__": annotations, "RENAMED": renamed, **defaults}

@@ -1,4 +1,4 @@
-"""The goals and motions of a run: sent one after another, or a goal at once in place of the present one."""
+"""The goals and motions of a run: sent one after another, or a goal at once in place of the current one."""
 
 from __future__ import annotations
 

@@ -31,14 +31,14 @@ class _Interaction(ParamModel):
 
 
 class GoTo(_Interaction):
-    """A goal that replaces the present one at once; the queue remains."""
+    """A goal that replaces the current one at once; the queue remains."""
 
     kind: Literal["goal"] = param("goal", "drive to this pose now")
     pose: PoseList = param(..., "[x, y, yaw] or [x, y] in the map", unit="m, rad")
 
 
 class Queue(_Interaction):
-    """The goals after the present one."""
+    """The goals after the current one."""
 
     kind: Literal["queue"] = param("queue", "replace the queue of goals")
     goals: Annotated[list[PoseList], Field(max_length=MAX_GOALS)] = param(
@@ -48,7 +48,7 @@ class Queue(_Interaction):
 
 
 class Cancel(_Interaction):
-    """Cancels the present goal and empties the queue."""
+    """Cancels the current goal and empties the queue."""
 
     kind: Literal["cancel"] = param("cancel", "cancel the goal and the queue")
 
@@ -81,7 +81,7 @@ class PlaceRobot(_Interaction):
 
 
 class Kidnap(_Interaction):
-    """Puts the robot somewhere and leaves its localization at the former pose."""
+    """Puts the robot somewhere and leaves its localization at the previous pose."""
 
     kind: Literal["kidnap"] = param("kidnap", "carry the robot away")
     pose: PoseList = param(..., "[x, y, yaw] or [x, y] in the map", unit="m, rad")
@@ -92,7 +92,7 @@ class SetParameters(_Interaction):
 
     kind: Literal["set"] = param("set", "change parameters")
     params: Annotated[list[str | dict[str, Any]], Field(max_length=20)] = param(
-        [], "packaged sets or complete parameters that replace the present ones"
+        [], "packaged sets or complete parameters that replace the current ones"
     )
     values: dict[str, Any] = param({}, "`NAME: VALUE`, for example `DWAPlannerROS/max_vel_x: 0.4`")
 

@@ -249,7 +249,7 @@ class Run:
         self._upcoming = deque(items)
 
     def interact(self, item: Any) -> None:
-        """Carries out an interaction, a model of `navstack.scenario.interactions`, now; its time must be the present one.
+        """Carries out an interaction, a model of `navstack.scenario.interactions`, now; its time must be the current one.
 
         Call it only when the last `step` advanced the time or returned False: otherwise a run of a scenario with this
         interaction would carry it out earlier in the same instant. Raises NavError if it is refused; nothing has changed then.

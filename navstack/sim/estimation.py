@@ -43,7 +43,7 @@ class Estimation:
 
     @property
     def correction(self) -> Transform2D:
-        """The present transform map -> odom."""
+        """The current transform map -> odom."""
         return self._correction
 
     @property
@@ -139,7 +139,7 @@ class Localization:
 
     @property
     def current(self) -> Transform2D:
-        """Present transform map -> odom."""
+        """Current transform map -> odom."""
         return self._current
 
     def correct(self, truth: Transform2D, odometry: Transform2D) -> None:

@@ -38,7 +38,7 @@ _MAX_COLUMNS: Final = 3
 
 
 def history(tuning: TuningResult, path: Path) -> Path:
-    """Return the first objective of every trial, the best so far, and the present parameters."""
+    """Return the first objective of every trial, the best so far, and the current parameters."""
     objective = tuning.problem.objectives[0]
     with canvas.style():
         figure = new_figure(8.0, 3.8, title="Trials")
@@ -49,9 +49,9 @@ def history(tuning: TuningResult, path: Path) -> Path:
         present = {"color": colors.INK, "lw": 1.2, "ls": DASHED}
         before = objective.of(list(tuning.training.before))
         if before < NO_SUCCESS:
-            axes.axhline(before, label="present parameters", **present)
+            axes.axhline(before, label="current parameters", **present)
         else:
-            axes.plot([], [], label="present parameters: no success", **present)
+            axes.plot([], [], label="current parameters: no success", **present)
         complete = [t for t in shown if t.complete]
         pruned = [t for t in shown if not t.complete]
         if pruned:
@@ -226,7 +226,7 @@ def _steps(two: Sequence[Objective]) -> str:
 def _draw_before(
     axes: Any, tuning: TuningResult, two: Sequence[Objective], shown: Sequence[tuple[float, ...]]
 ) -> list[tuple[float, float]]:
-    """Draw the present parameters, or notes them in the legend if they are far away; the limits of both axes."""
+    """Draw the current parameters, or notes them in the legend if they are far away; the limits of both axes."""
     before = tuple(o.of(list(tuning.training.before)) for o in two)
     limits = [_limits([p[k] for p in shown]) for k in (0, 1)]
     if all(low - 2.0 * (high - low) <= v <= high + 2.0 * (high - low) for v, (low, high) in zip(before, limits)):

@@ -212,7 +212,7 @@ class ContactWatch:
         self._sent = Twist2D()
 
     def look(self) -> None:
-        """Find the causes of the new contacts; remember the present state."""
+        """Find the causes of the new contacts; remember the current state."""
         robot, tick = self._run.robot, self._run.move_base.last_tick
         if not robot.world.moves:  # the robot's motion alone is the cause
             self.causes = [UNEXPLAINED] * len(robot.collisions)

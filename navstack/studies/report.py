@@ -150,7 +150,7 @@ def _changes(tuning: TuningResult, rewritten: RewrittenFiles) -> Iterator[str]:
     if tuning.reverted:
         names = [_with_importance(name, tuning.importance) for name in tuning.reverted]
         yield (
-            "<p class=dim>Reverted, because the best trial's value gave the same result as the present one: "
+            "<p class=dim>Reverted, because the best trial's value gave the same result as the current one: "
             f"{html_text(', '.join(names))}. The importance describes the whole range, including values far from both.</p>"
         )
     limits = [d.name for d in tuning.problem.space if d.robot and d.name in tuning.candidate]
@@ -339,7 +339,7 @@ MAX_FAILED_RUNS: Final = 3
 
 
 def draw_failed_runs(tuning: TuningResult, work: RunWork, folder: Path) -> list[FailedRun]:
-    """Repeat and draw validation runs that fail with the result; without a better one, with the present parameters."""
+    """Repeat and draw validation runs that fail with the result; without a better one, with the current parameters."""
     comparison = tuning.validation
     overrides = tuple(tuning.problem.space.overrides(tuning.candidate)) if tuning.found else ()
     found: list[FailedRun] = []

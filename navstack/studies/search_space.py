@@ -139,7 +139,7 @@ class SearchSpace:
         return [f"{name}={value_text(value)}" for name, value in self.settings(candidate).items()]
 
     def present(self) -> dict[str, Value]:
-        """Return the present values, clipped to the ranges."""
+        """Return the current values, clipped to the ranges."""
         return {
             d.name: d.clean(d.present if d.present is not None else d.at(0.5))
             if d.kind != "choice" or d.present in d.choices
@@ -148,7 +148,7 @@ class SearchSpace:
         }
 
     def start(self) -> dict[str, Value]:
-        """Return the recommended first values; the present value where there is none."""
+        """Return the recommended first values; the current value where there is none."""
         present = self.present()
         return {d.name: d.clean(d.start) if d.start is not None else present[d.name] for d in self.dimensions}
 
@@ -165,7 +165,7 @@ _SPEED_UNITS: Final = frozenset({"m/s", "rad/s", "m/s²", "rad/s²"})
 _MARGIN: Final = 1e-6
 """Relative distance from an excluded bound (absolute from 0)."""
 _WIDE: Final = 4.0
-"""Derived ranges extend from the present value divided by this factor to the value times the factor."""
+"""Derived ranges extend from the current value divided by this factor to the value times the factor."""
 
 
 def without_range(parameter: Parameter, where: str) -> Dimension:
@@ -221,8 +221,8 @@ def _limits(info: FieldInfo) -> tuple[float, float]:
 def from_metadata(parameter: Parameter, where: str) -> Dimension:
     """Return a range derived from the model.
 
-    The bounds of the model, if both exist and are close to the present value; otherwise from a quarter to four times the
-    present value on a log scale. A speed or acceleration limit of the robot is not searched above its present value. Raises
+    The bounds of the model, if both exist and are close to the current value; otherwise from a quarter to four times the
+    current value on a log scale. A speed or acceleration limit of the robot is not searched above its current value. Raises
     InputError if neither is possible.
     """
     made = without_range(parameter, where)
@@ -240,7 +240,7 @@ def from_metadata(parameter: Parameter, where: str) -> Dimension:
         return replace(made, low=low, high=high, log=low > 0.0 and high / low >= 100.0)
     if value == 0.0:
         raise InputError(
-            f"{where}: no range is known for {made.name}, whose present value is {made.present}; give one: "
+            f"{where}: no range is known for {made.name}, whose current value is {made.present}; give one: "
             f"{made.name}=LOW:HIGH",
             parameter=made.name,
         )
@@ -258,7 +258,7 @@ def _limits_robot(dimension: Dimension) -> bool:
 
 
 def beyond_limit(dimension: Dimension, parameter: Parameter, factor: float) -> Dimension:
-    """Return a limit of the robot, searched up to `factor` times its present value, within the bounds of the model."""
+    """Return a limit of the robot, searched up to `factor` times its current value, within the bounds of the model."""
     return replace(dimension, high=max(dimension.high, min(dimension.high * factor, _limits(parameter.info)[1])))
 
 

@@ -46,7 +46,7 @@ from navstack.studies.search_space import (
 
 # --- default ranges ---------------------------------------------------------------------------------------------------
 # The bounds of a parameter's model are often very wide; these ranges are the useful part. Limits of the robot (speeds and
-# accelerations) are searched up to the present value: more only with a range that the user gives.
+# accelerations) are searched up to the current value: more only with a range that the user gives.
 
 
 class Range(NamedTuple):
@@ -58,7 +58,7 @@ class Range(NamedTuple):
     """Recommended first value."""
     log: bool = False
     robot: bool = False
-    """True for a limit of the robot: the range ends at the present value for any `high`."""
+    """True for a limit of the robot: the range ends at the current value for any `high`."""
     ties: tuple[tuple[str, float], ...] = ()
     """Parameters of the same namespace that are set with it: (name, factor)."""
 
@@ -230,7 +230,7 @@ def _untied(default: Range | Choice) -> Range | Choice:
 
 
 def _limit(parameters: Mapping[str, Parameter], name: str, default: Range) -> float:
-    """Return the largest value that exceeds neither the present value nor those of the parameters that are set with it."""
+    """Return the largest value that exceeds neither the current value nor those of the parameters that are set with it."""
     path = name.rpartition("/")[0]
     tied_to = [abs(_number(parameters, f"{path}/{other}") / factor) for other, factor in default.ties]
     return min(v for v in (abs(_number(parameters, name)), *tied_to) if v > 0.0)
@@ -255,7 +255,7 @@ def _local_planner(configuration: Configuration, parameters: Mapping[str, Parame
 
 
 def _inflation(configuration: Configuration, parameters: Mapping[str, Parameter]) -> Iterator[Dimension]:
-    """The inflation of both costmaps, tied if the present values are equal."""
+    """The inflation of both costmaps, tied if the current values are equal."""
     namespaces = {
         name: layer.namespace
         for name, costmap in (("global", configuration.global_costmap), ("local", configuration.local_costmap))
@@ -290,7 +290,7 @@ class ParameterLookup:
         """Former full name -> current full name."""
 
     def find(self, pattern: str, where: str) -> list[Parameter]:
-        """Return the parameters with this full name, former name or unique last part, or matching a pattern with * and ?.
+        """Return the parameters with this full name, previous name or unique last part, or matching a pattern with * and ?.
 
         Raises InputError, with a suggestion, if there is none or if several share the last part; `where` starts the message.
         """
@@ -369,7 +369,7 @@ def parse_search_space(
     """Return the space given by `space`, with the dimensions of `params` added or replaced, without the parameters of `keep`.
 
     `space`: one of `default_ranges.SPACES`, or a YAML file; by default `auto`, or empty if `params` is given. Speeds and
-    accelerations without a given range are searched up to `limit_factor` times their present values. Raises InputError.
+    accelerations without a given range are searched up to `limit_factor` times their current values. Raises InputError.
     """
     lookup = ParameterLookup(configuration)
     found: dict[str, Dimension] = {}

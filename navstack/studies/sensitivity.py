@@ -1,4 +1,4 @@
-"""Sensitivity of the results to each parameter: its present value is halved and doubled, over the same runs."""
+"""Sensitivity of the results to each parameter: its current value is halved and doubled, over the same runs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Perturbation:
     word: str
     """halved or doubled; for other values raised, raised more, or set."""
     comparison: Comparison
-    """Present parameters against the changed one."""
+    """Current parameters against the changed one."""
 
     @property
     def effect(self) -> float:
@@ -96,7 +96,7 @@ def _effects(c: Comparison) -> list[str]:
 def values_to_try(d: Dimension) -> list[tuple[str, Value]]:
     """Return the values for a dimension, as (word, value).
 
-    Half and twice the present value, also outside the range; for 0 and an unknown value, a quarter of the range and its upper
+    Half and twice the current value, also outside the range; for 0 and an unknown value, a quarter of the range and its upper
     end; for a choice, all others.
     """
     if d.kind == "choice":

@@ -26,7 +26,7 @@ class SearchOptions:
     param: tuple[str, ...] = ()
     keep: tuple[str, ...] = ()
     limit_factor: float = 1.0
-    """Speeds and accelerations are searched up to this many times their present values."""
+    """Speeds and accelerations are searched up to this many times their current values."""
     overrides: tuple[str, ...] = ()
     distro: str | None = None
     allow_missing: bool = False

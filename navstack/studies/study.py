@@ -427,7 +427,7 @@ class Study:
         return _ActiveTrial(trial, candidate, tuple(self.problem.space.overrides(candidate)))
 
     def _take_baseline(self, active: _ActiveTrial) -> bool:
-        """Take the outcomes of the baseline if the candidate equals the present parameters; false otherwise."""
+        """Take the outcomes of the baseline if the candidate equals the current parameters; false otherwise."""
         known: dict[str, Outcome] | None = self._study.user_attrs.get(_BASELINE)
         settings = self.problem.space.settings(active.candidate)
         if known is None or any(self._present[n] != v for n, v in settings.items()):

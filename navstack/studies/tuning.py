@@ -23,7 +23,7 @@ TOLERANCE: Final = 0.001
 def revert_unneeded(
     problem: Problem, executor: Executor, candidate: dict[str, Value], outcomes: Mapping[str, Outcome]
 ) -> tuple[dict[str, Value], Mapping[str, Outcome], tuple[str, ...]]:
-    """Try the present value of each dimension, in the order of the space, and keeps it if the objective gets no worse.
+    """Try the current value of each dimension, in the order of the space, and keeps it if the objective gets no worse.
 
     Returns the remaining values, their outcomes, and the reverted dimensions.
     """
@@ -83,7 +83,7 @@ class TuningResult:
     candidate: dict[str, Value]
     """The new values: those of the best trial without unneeded changes; empty if nothing is better."""
     reverted: tuple[str, ...]
-    """Dimensions of the best trial that were set back to the present value because they made no difference."""
+    """Dimensions of the best trial that were set back to the current value because they made no difference."""
     training: Comparison
     held_out: Comparison | None
     """On cases that were not used for the search; None without such cases."""
@@ -167,7 +167,7 @@ class TuningResult:
     def _nothing_found(self) -> str:
         driven = [o for t in self.trials for o in t.outcomes.values()] + list(self.training.before)
         if any(o["success"] for o in driven):
-            text = "No better parameters were found than the present ones."
+            text = "No better parameters were found than the current ones."
             return text + self._failures_text() + self._never_solved_text()
         return (
             "No better parameters were found: no candidate reached a goal. Check a run with `navstack simulate`, widen the "
@@ -214,7 +214,7 @@ def tune(
     """
     problem = study.problem
     if not study.has_baseline:
-        notify(f"driving {len(problem.cases)} training runs with the present parameters")
+        notify(f"driving {len(problem.cases)} training runs with the current parameters")
     before = study.baseline(executor)
     _check_drivable(before)
     study.run(executor, trials, on_trial=on_trial)
@@ -268,7 +268,7 @@ def _is_better(problem: Problem, after: Mapping[str, Outcome], before: Mapping[s
 
 
 def _changed(problem: Problem, candidate: Mapping[str, Value]) -> dict[str, Value]:
-    """Return the values that differ from the present ones."""
+    """Return the values that differ from the current ones."""
     return {d.name: candidate[d.name] for d in problem.space if candidate[d.name] != d.present or d.ties}
 
 

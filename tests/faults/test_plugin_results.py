@@ -266,7 +266,7 @@ def test_a_recovery_may_be_as_fast_as_its_own_parameters(turning: float, succeed
 
 
 def test_a_robot_that_is_too_fast_may_brake() -> None:
-    """A command above the limits is allowed up to the present velocity, and while limits are lowered."""
+    """A command above the limits is allowed up to the current velocity, and while limits are lowered."""
     driver = TurnAndGo()
     limits = CommandLimits(driver)
     for speed in (0.9, 0.7):

@@ -318,7 +318,7 @@ def test_an_empty_namespace_causes_no_finding() -> None:
 @pytest.mark.parametrize(
     ("key", "written", "used"),
     [
-        ("DWAPlannerROS__min_rot_vel", -0.4, 0.0),  # the former name of min_vel_theta
+        ("DWAPlannerROS__min_rot_vel", -0.4, 0.0),  # the previous name of min_vel_theta
         ("DWAPlannerROS__min_vel_theta", -0.4, 0.0),
         ("DWAPlannerROS__acc_lim_x", 30.0, 20.0),
         ("DWAPlannerROS__vx_samples", 0, 1),
@@ -624,7 +624,7 @@ def test_planners_by_registered_name_and_other_than_the_selected_one() -> None:
 def test_every_value_has_its_location() -> None:
     loaded = load_configuration(["turtlebot"], overrides=["DWAPlannerROS/sim_time=1.5"])
     origins = loaded.origins
-    # by the current name, also for a former one, and where a source finds it by searching
+    # by the current name, also for a previous one, and where a source finds it by searching
     assert str(origins["DWAPlannerROS/max_vel_trans"]) == "turtlebot/dwa_local_planner_params.yaml:10:18"
     assert str(origins["DWAPlannerROS/sim_time"]) == "overrides[0]"
     assert origins["DWAPlannerROS/controller_frequency"].file == "turtlebot/move_base_params.yaml"

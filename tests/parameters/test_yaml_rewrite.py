@@ -41,7 +41,7 @@ def test_only_the_changed_values_are_edited(tmp_path: Path) -> None:
     assert changed == {
         "costmap_common_params.yaml": ["-inflation_radius: 0.5     # m", "+inflation_radius: 0.6     # m"],
         "dwa_local_planner_params.yaml": [
-            "-max_rot_vel: 5.0          # rad/s, now max_vel_theta",  # the former name in the user's file stays
+            "-max_rot_vel: 5.0          # rad/s, now max_vel_theta",  # the previous name in the user's file stays
             "+max_rot_vel: 1.0          # rad/s, now max_vel_theta",
             "-sim_time: 1.0             # s",
             "+sim_time: 2.5             # s",

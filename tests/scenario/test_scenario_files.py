@@ -214,7 +214,7 @@ def test_the_old_name_of_max_collisions_is_read_with_a_note(short: Path) -> None
     short.write_text(SHORT.replace("max_time: 20", "max_contacts: 2, max_time: 20"))
     assert read_scenario(short).build().success.max_collisions == 2
     (note,) = [f for f in check_scenario(short) if f.key == "success/max_contacts"]
-    assert note.severity == "info" and "max_contacts is the former name of max_collisions" in note.message
+    assert note.severity == "info" and "max_contacts is the previous name of max_collisions" in note.message
     assert SuccessConditions.from_dict({"max_contacts": 2}) == SuccessConditions(max_collisions=2)
 
 

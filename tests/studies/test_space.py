@@ -21,7 +21,7 @@ def test_default_space_covers_planner_and_costmaps_and_loads(turtlebot: Configur
     space = default_space(turtlebot)
     names = {d.name for d in space}
     assert {"DWAPlannerROS/sim_time", "DWAPlannerROS/path_distance_bias", f"global_costmap/{INFLATION}"} <= names
-    # speeds end at the present value; the inflation of both costmaps is tied
+    # speeds end at the current value; the inflation of both costmaps is tied
     by_name = {d.name: d for d in space}
     assert by_name["DWAPlannerROS/max_vel_theta"].high == 5.0
     assert by_name[f"global_costmap/{INFLATION}"].names == (f"global_costmap/{INFLATION}", f"local_costmap/{INFLATION}")

@@ -58,7 +58,7 @@ def test_better_values_are_found_and_bad_trials_are_pruned(tmp_path: Path) -> No
     assert any(not t.complete for t in trials)
     # the evaluation ignores vx_samples
     assert list(importance)[-1] == "DWAPlannerROS/vx_samples"
-    # the first trial has the present values and is complete
+    # the first trial has the current values and is complete
     assert trials[0].origin == "present"
     assert trials[0].complete
 

@@ -21,7 +21,7 @@ def peak_bytes() -> int:
 
 
 def reset_peak() -> None:
-    """Set the peak to the present size (Linux; elsewhere the peak only grows, so a growth is counted once)."""
+    """Set the peak to the current size (Linux; elsewhere the peak only grows, so a growth is counted once)."""
     try:
         with _CLEAR.open("wb", buffering=0) as file:
             file.write(b"5")

@@ -214,7 +214,7 @@ class _Worker:
         self.connection.send((piece.start, len(piece)))
 
     def hangs(self) -> bool:
-        """True if the present input takes too long."""
+        """True if the current input takes too long."""
         number, since, queued = self.current
         if number < 0.0 or time.monotonic() - since <= _HANG:
             return False

@@ -85,7 +85,7 @@ def open_window(pot, pending, state, x0, y0, x1, y1):
         ox0, oy0, ox1, oy1 = x0, y0, x0, y0
     else:
         x0, y0, x1, y1 = min(x0, ox0), min(y0, oy0), max(x1, ox1), max(y1, oy1)
-        for x in range(ox0, ox1):  # the former border
+        for x in range(ox0, ox1):  # the previous border
             for y in (oy0, oy1 - 1):
                 if pot[y * nx + x] > BEYOND:
                     pot[y * nx + x] = HIGH

@@ -13,7 +13,7 @@ export function legend(scheme) {
 
 const LAYERS = [
   ['map', 'Map', true, 1], ['global', 'Global costmap', false, 0.6], ['local', 'Local costmap', true, 0.75], ['scan', 'Laser scans', true, 1],
-  ['footprint', 'Robot (true footprint)', true, 1], ['padded', 'Padded footprint', true, 1], ['plan', 'Plan', true, 1], ['former', 'Former plans', false, 1], ['trajectory', 'Chosen trajectory', true, 1],
+  ['footprint', 'Robot (true footprint)', true, 1], ['padded', 'Padded footprint', true, 1], ['plan', 'Plan', true, 1], ['former', 'Previous plans', false, 1], ['trajectory', 'Chosen trajectory', true, 1],
   ['trajectories', 'Trajectories by score', false, 0.8], ['potential', 'Potential', false, 0.6], ['goals', 'Goals', true, 1], ['trail', 'Driven path', true, 0.9],
   ['shapes', 'Obstacles', true, 1], ['people', 'People and doors', true, 1],
 ];

@@ -228,7 +228,7 @@ FILTERS: Final = {
 }
 """Savitzky and Golay's coefficients of nine points, by order."""
 HISTORY: Final = 5
-"""Commands kept for the filter: four to the left of the first control, and the present one."""
+"""Commands kept for the filter: four to the left of the first control, and the current one."""
 _MIX: Final = 0x9E3779B97F4A7C15
 
 
@@ -330,7 +330,7 @@ class Optimizer:
         return np.array(values, np.float32)
 
     def pin(self, start: Floats) -> None:
-        """Let the sequence begin with what cannot be changed: the present speed, or what is reachable in a period."""
+        """Let the sequence begin with what cannot be changed: the current speed, or what is reachable in a period."""
         if self.shifting:
             self.controls[0] = start
             if not self.omni:

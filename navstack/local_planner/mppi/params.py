@@ -141,7 +141,7 @@ class MPPIParams(PathFollowerParams):
     model_delay_vy: float = param(0.0, "dead time of the drive along y", unit="s", ge=0.0)
     model_delay_wz: float = param(0.0, "dead time of turning", unit="s", ge=0.0)
     clamp_raw_controls: bool = param(False, "average the reachable instead of the sampled controls")
-    open_loop: bool = param(False, "the present speed is the last command, not the measured one")
+    open_loop: bool = param(False, "the current speed is the last command, not the measured one")
     sgf_order: int = param(2, "order of the smoothing filter", ge=1, le=2)
     retry_attempt_limit: int = param(1, "further attempts if a cycle fails", ge=0, le=100)
     regenerate_noises: bool = param(
@@ -298,7 +298,7 @@ class MPPIParams(PathFollowerParams):
             elongated = footprint.circumscribed_radius > 1.3 * footprint.inscribed_radius
             if own.enabled and elongated and not own.consider_footprint:
                 message = (
-                    f"consider_footprint of {name} is false, so the robot counts as a disc of "
+                    f"consider_footprint of {name} is false, so it treats the robot as a disc of "
                     f"{footprint.inscribed_radius:.3g} m, but its corners are {footprint.circumscribed_radius:.3g} m from its "
                     "center; set it to true"
                 )

@@ -1,7 +1,7 @@
 """MPPI: nav2_mppi_controller::MPPIController.
 
 G. Williams et al., "Information-Theoretic Model Predictive Control: Theory and Applications to Autonomous Driving", 2018; stages
-and critics as in nav2_mppi_controller. In each cycle a batch of control sequences is sampled around the present one and rolled
+and critics as in nav2_mppi_controller. In each cycle a batch of control sequences is sampled around the current one and rolled
 out within the acceleration limits; critics score the trajectories; the next sequence is the average of the samples, weighted by
 exp(-cost / temperature).
 """

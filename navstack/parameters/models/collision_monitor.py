@@ -109,7 +109,7 @@ class ZoneParams(ParamModel):
         "approach without points: the robot's footprint; navstack takes the padded one of that costmap",
     )
     min_points: int | None = param(None, "number of points in the zone from which on it acts; if not set, 4", ge=1)
-    max_points: int | None = param(None, "former way to set min_points, which is one more", ge=0)
+    max_points: int | None = param(None, "previous way to set min_points, which is one more", ge=0)
     trigger_consecutive_points: int = param(1, "checks in a row with obstacles after which the zone acts", ge=1)
     release_consecutive_points: int = param(1, "checks in a row without obstacles after which it no longer acts", ge=1)
     slowdown_ratio: float = param(0.5, "slowdown: factor of the velocity", gt=0.0, le=1.0)
