@@ -77,7 +77,18 @@ class GracefulParams(_WithLambda):
         gt=0.0,
         ros_differs="the path that is left counts; in Nav2 the distance to the motion target, so that the robot never gets fast",
     )
-    deceleration_max: float = param(2.5, "deceleration with which the robot can stop at the goal", unit="m/s²", gt=0.0)
+    deceleration_max: float = param(
+        2.5,
+        "deceleration with which the robot can stop at the goal, and largest one from command to command",
+        unit="m/s²",
+        gt=0.0,
+    )
+    max_linear_accel: float = param(
+        2.5, "acceleration from command to command; not a parameter of Nav2", unit="m/s²", gt=0.0
+    )
+    max_angular_accel: float = param(
+        3.2, "turning acceleration from command to command; not a parameter of Nav2", unit="rad/s²", gt=0.0
+    )
     initial_rotation: bool = param(True, "turn in place first if the motion target is far off the heading")
     initial_rotation_tolerance: float = param(0.75, "angle to the motion target that needs no turn", unit="rad", ge=0.0)
     prefer_final_rotation: bool = param(True, "ignore the goal's heading on the way, and turn in place at the goal")
@@ -421,6 +432,8 @@ class GracefulController(PathFollower):
         """The motion target, in the robot's frame (m)."""
         self._turn_due = True
         self._final_yaw: float | None = None
+        self._last: Twist2D | None = None
+        """The last command; None to accelerate from the measured velocity."""
         self._law = np.zeros(1, LAW)
         self._out = np.empty((MOST_POINTS, 3))
         self._point, self._grid, self._start, self._target = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -442,9 +455,9 @@ class GracefulController(PathFollower):
             min_vel_trans=0.0,
             max_vel_theta=self._w_max,
             min_vel_theta=0.0,
-            acc_lim_x=p.deceleration_max,
+            acc_lim_x=min(p.max_linear_accel, p.deceleration_max),
             acc_lim_y=0.0,
-            acc_lim_theta=p.deceleration_max,
+            acc_lim_theta=p.max_angular_accel,
             yaw_goal_tolerance=self.goal_checker.yaw_tolerance,
         )
 
@@ -485,10 +498,65 @@ class GracefulController(PathFollower):
     def reset(self) -> None:
         """Reset the previous goal and a heading that was found for it."""
         super().reset()
-        self._turn_due, self._final_yaw = True, None
+        self._turn_due, self._final_yaw, self._last = True, None, None
+
+    def arrived(self) -> None:
+        """Start the next goal from rest."""
+        self._last = Twist2D()
+
+    def take_over(self, velocity: Twist2D) -> None:
+        """Accelerate from there."""
+        self._last = velocity
 
     def follow(self, now: Following) -> LocalPlan:
-        """Drive to the farthest target that can be reached. Raises NoValidControlError if none can."""
+        """Drive to the farthest target that can be reached, within the accelerations.
+
+        Raises NoValidControlError if none can, or if the accelerations allow no command that is free: the robot is stopped at
+        once then.
+        """
+        last, self._last = self._last, None
+        plan = self._wanted(now)
+        # ROS differs: Nav2 commands any velocity at once
+        if not self.as_nav2:
+            plan = self._within_accelerations(now, plan, now.state.velocity if last is None else last)
+        self._last = plan.command
+        return plan
+
+    def _within_accelerations(self, now: Following, plan: LocalPlan, last: Twist2D) -> LocalPlan:
+        """The plan with the command on its arc that is within one period's accelerations of the `last` one.
+
+        A command that brakes less than the trajectory asks for must be free until the robot stands.
+        """
+        p, (v, _, w) = self.params, plan.command
+        speed = _towards(v, last.vx, p.max_linear_accel * self.period, p.deceleration_max * self.period)
+        wanted = w if v == 0.0 else max(-self._w_max, min(self._w_max, speed * w / v))
+        turn = _towards(wanted, last.wz, p.max_angular_accel * self.period, p.max_angular_accel * self.period)
+        if abs(speed - v) <= 1e-9 and abs(turn - w) <= 1e-9:
+            return plan
+        command = Twist2D(speed, 0.0, turn)
+        if p.use_collision_detection and plan.mode != "escape" and not self._stops_free(now, command):
+            raise NoValidControlError(
+                f"the accelerations allow {speed:.2f} m/s and {turn:.2f} rad/s instead of {v:.2f} m/s and {w:.2f} rad/s now, "
+                "with which the robot would hit an obstacle before it stands: it stops at once",
+                plan=plan,
+            )
+        return replace(plan, command=command, notes=("the accelerations allow no other velocity now", *plan.notes))
+
+    def _stops_free(self, now: Following, command: Twist2D) -> bool:
+        """True if the robot is free for one period of a command, and while it brakes on its arc after it."""
+        p, pose = self.params, now.state.pose
+        seconds = self.period + 0.5 * abs(command.vx) / p.deceleration_max
+        way = seconds * (abs(command.vx) + abs(command.wz) * now.footprint.circumscribed_radius)
+        count = max(1, math.ceil(way / now.costmap.geometry.resolution))
+        for i in range(1, count + 1):
+            at = _driven(pose, command, seconds * i / count)
+            cost = footprint_cost(now.costmap, now.footprint, at, interior=True)
+            if cost is None or cost == LETHAL or (cost == UNKNOWN and not now.track_unknown_space):
+                return False
+        return True
+
+    def _wanted(self, now: Following) -> LocalPlan:
+        """The command without regard to the accelerations. Raises NoValidControlError."""
         # ROS differs: in Nav2 every new plan makes the turn due again
         if now.new_goal or (self.as_nav2 and now.new_plan):
             self._turn_due, self._final_yaw = True, None
@@ -742,6 +810,15 @@ def _driven(pose: Pose2D, command: Twist2D, seconds: float) -> Pose2D:
     turned, length = seconds * command.wz, seconds * command.vx
     heading = pose.yaw + 0.5 * turned
     return Pose2D(pose.x + length * math.cos(heading), pose.y + length * math.sin(heading), pose.yaw + turned)
+
+
+def _towards(wanted: float, last: float, faster: float, slower: float) -> float:
+    """The velocity nearest to the wanted one within one period's changes of the last one: away from zero, and towards it."""
+    if last < 0.0:
+        return -_towards(-wanted, -last, faster, slower)
+    # through zero by at most what is left of the larger change
+    lowest = last - slower if last >= slower else min(0.0, last - faster)
+    return max(lowest, min(last + faster, wanted))
 
 
 def _in_frame_of(pose: Pose2D, target: tuple[float, float, float]) -> tuple[float, float]:

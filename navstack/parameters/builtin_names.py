@@ -115,11 +115,12 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
                 "controller_frequency goal_checker_plugins path_handler_plugins prune_distance "
                 "max_robot_pose_search_dist enforce_path_inversion inversion_xy_tolerance "
                 "inversion_yaw_tolerance lambda max_lookahead k_phi k_delta beta v_linear_min v_linear_max "
-                "v_angular_max v_angular_min_in_place slowdown_radius deceleration_max initial_rotation "
-                "initial_rotation_tolerance prefer_final_rotation rotation_scaling_factor allow_backward "
-                "use_collision_detection in_place_collision_resolution footprint_scaling_linear_vel "
-                "footprint_scaling_factor footprint_scaling_step obstacle_cost_margin "
-                "final_rotation_search_step motion_target_dist initial_rotation_min_angle"
+                "v_angular_max v_angular_min_in_place slowdown_radius deceleration_max max_linear_accel "
+                "max_angular_accel initial_rotation initial_rotation_tolerance prefer_final_rotation "
+                "rotation_scaling_factor allow_backward use_collision_detection "
+                "in_place_collision_resolution footprint_scaling_linear_vel footprint_scaling_factor "
+                "footprint_scaling_step obstacle_cost_margin final_rotation_search_step motion_target_dist "
+                "initial_rotation_min_angle"
             ),
             others="plugin transform_tolerance min_lookahead final_rotation",
             namespaces="FollowPath",

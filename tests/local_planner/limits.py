@@ -276,7 +276,8 @@ def _shim_of_pursuit() -> LocalPlanner:
 
 
 def _graceful() -> LocalPlanner:
-    return GracefulController(GracefulParams(v_linear_max=0.6, v_angular_max=1.2))
+    values: dict[str, Any] = {"deceleration_max": 1.8, "max_linear_accel": 1.2, "max_angular_accel": 2.6}
+    return GracefulController(GracefulParams(v_linear_max=0.6, v_angular_max=1.2, **values))
 
 
 def _mppi(plugin: str, radius: float = 0.2) -> Callable[[], LocalPlanner]:
@@ -312,7 +313,7 @@ LIMIT_CASES: Final[Mapping[str, LimitCase]] = {
     ),
     "pure_pursuit, no window": LimitCase(lambda: _pursuit(use_dynamic_window=False), Limits(0.0, 0.6, 1.6), lag=True),
     "rotation_shim": LimitCase(_shim_of_pursuit, _WINDOW, lag=True),
-    "graceful": LimitCase(_graceful, Limits(0.0, 0.6, 1.2), lag=True),
+    "graceful": LimitCase(_graceful, Limits(0.0, 0.6, 1.2, faster_x=1.2, slower_x=1.8, theta=2.6), lag=True),
     "mppi, diff": LimitCase(_mppi(DIFF), _SAMPLED, lag=True, tolerance=_FLOAT32),
     "mppi, omni": LimitCase(
         _mppi(OMNI),
@@ -340,6 +341,6 @@ LIMIT_CASES: Final[Mapping[str, LimitCase]] = {
 }
 """The controllers and what each limits.
 
-Graceful and trajectory rollout do not limit accelerations from command to command, pure pursuit does with `use_dynamic_window`
-only, and DWA as in C++ not while it turns at the goal: the velocity smoother does.
+Trajectory rollout does not limit accelerations from command to command, pure pursuit does with `use_dynamic_window` only, and
+DWA as in C++ not while it turns at the goal: the velocity smoother does. A cycle without a command stops the robot at once.
 """

@@ -432,8 +432,25 @@ def test_graceful_sees_what_is_between_its_poses() -> None:
 
 def test_cruise_is_the_highest_speed() -> None:
     """In Nav2 it is v_linear_max * max_lookahead / slowdown_radius, 0.333 m/s (G1)."""
-    controller = GracefulController(GracefulParams(sections={"goal_checker": FAR}))
-    assert command(controller, [(0.05 * i, 0.0, 0.0) for i in range(39)], Pose2D(0.0, 0.0)).vx == pytest.approx(0.5)
+    controller = GracefulController(GracefulParams(max_linear_accel=1.0, sections={"goal_checker": FAR}))
+    found = [command(controller, [(0.05 * i, 0.0, 0.0) for i in range(39)], Pose2D(0.0, 0.0)).vx for _ in range(12)]
+    assert found == pytest.approx([min(0.05 * n, 0.5) for n in range(1, 13)])
+
+
+def test_graceful_stops_at_once_where_its_deceleration_hits_an_obstacle() -> None:
+    """The path leads back, so that the robot has to stop and turn: it brakes, but at once before a wall."""
+    path = Path(np.array([(-0.05 * i, 0.0, math.pi) for i in range(30)]), "odom")
+    velocity = Twist2D(0.5, 0.0, 0.0)
+    outcomes: list[float | None] = []
+    for at in (1.0, 0.4, 0.25):
+        controller = GracefulController(GracefulParams(deceleration_max=1.0))
+        controller.set_plan(path, Pose2D(*path.poses[-1].tolist()))
+        wall = [(at, 0.05 * k) for k in range(-20, 21)]
+        try:
+            outcomes.append(controller.compute_command(control_input(Pose2D(0.0, 0.0), velocity, wall)).command.vx)
+        except NoValidControlError:
+            outcomes.append(None)
+    assert outcomes == [pytest.approx(0.45), pytest.approx(0.45), None]
 
 
 # --- parameters -------------------------------------------------------------------------------------------------------
