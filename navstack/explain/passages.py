@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap, Footprint, FrameTree, InputError, OccupancyGrid, Pose2D
@@ -174,7 +175,7 @@ def own_width(footprint: Footprint) -> float:
     """Return the width of a footprint across its narrow side (m); of one that stands for a circle, the circle's diameter."""
     if footprint.is_round:
         return 2.0 * footprint.circumscribed_radius
-    hull = np.array(footprint.polygon.convex_hull.exterior.coords)
+    hull: NDArray[np.float64] = shapely.get_coordinates(footprint.polygon.convex_hull)
     edges = np.diff(hull, axis=0)
     across = np.column_stack((-edges[:, 1], edges[:, 0])) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
     return round(float(np.ptp(hull @ across.T, axis=0).min()), 9)
@@ -351,11 +352,11 @@ def find_passages(
     """Doors, corridors and gaps between obstacles of a map, rated by the `global` or `local` costmap.
 
     `narrowest` and `widest` limit the widths (m); the defaults are the inscribed radius (half the width of the robot) and
-    the width at which inflation ends, at least 1.25 m and one and a half times the width for a turn
-    in place. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps next to smaller free-standing obstacles, which the robot can drive around. `unknown_is_wall` treats unknown space as walls, for
-    maps whose walls are unknown cells. For a robot that is not round, `PassageReport.shapes` has the headings at which it passes
-    and, with a `turning_radius` (m; default: that of base and controller), a way through. `progress(done, total)` is called
-    after each of these.
+    the width at which inflation ends, at least 1.25 m and one and a half times the width for a turn in place. The report
+    counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps next to smaller free-standing obstacles, which the
+    robot can drive around. `unknown_is_wall` treats unknown space as walls, for maps whose walls are unknown cells. For a
+    robot that is not round, `PassageReport.shapes` has the headings at which it passes and, with a `turning_radius` (m;
+    default: that of base and controller), a way through. `progress(done, total)` is called after each of these.
     Raises InputError for limits without a width between them.
     """
     chosen = configuration.local_costmap if costmap == "local" else configuration.global_costmap
