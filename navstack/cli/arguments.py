@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 from navstack.cli.output import print_note
 from navstack.core import Footprint, InputError, MapError, Pose2D, is_file, normalize_angle, open_regular
 from navstack.map_io import load_map, map_names, map_path
-from navstack.parameters import Override, parse_footprint
-from navstack.scenario import is_scenario_file, shipped_scenarios
+from navstack.parameters import Override, nearest, parse_footprint
+from navstack.scenario import is_scenario_file, load_places, read_scenario, shipped_scenarios
 from navstack.sim import low_disc
 
 if TYPE_CHECKING:
@@ -55,6 +55,46 @@ def parse_pose(text: str, argument: str) -> Pose2D:
     """`x,y` or `x,y,yaw` -> pose (m, rad); the default yaw is 0. Raises InputError."""
     values = parse_numbers(text, argument, "x,y or x,y,yaw in meters and radians, such as 29.75,7.95,1.57", (2, 3))
     return Pose2D(values[0], values[1], normalize_angle(values[2]) if len(values) == 3 else 0.0)
+
+
+def parse_place(text: str, argument: str, world: str | None, file: Path | None = None) -> Pose2D:
+    """A pose as numbers, or the name of a place of a map or scenario (`world`, or the `file` with places) -> pose (m, rad).
+
+    Raises InputError for a name without such a place, with the places that there are.
+    """
+    if "," in text or _is_number(text):
+        return parse_pose(text, argument)
+    places = places_of(world, file)
+    if text in places:
+        return places[text]
+    close = nearest(text, places)
+    hint = f"did you mean {close}? Places: {', '.join(places)}" if close else f"places: {', '.join(places)}"
+    if not places:
+        hint = "there is no file of places here; give x,y or x,y,yaw in meters and radians, such as 29.75,7.95,1.57"
+    raise InputError(f'{argument} "{text}" is no place of {world or "a map"}; {hint}', argument=argument, value=text)
+
+
+def places_of(world: str | None, file: Path | None = None) -> dict[str, Pose2D]:
+    """The places of a packaged map, of a scenario, or in the file of places next to a map (`MAP.places.yaml`), by name."""
+    if file is not None:
+        return load_places(file).places
+    if world is None:
+        return {}
+    if world in map_names():
+        return load_places(world).places
+    scenario = scenario_file(world)
+    if scenario is not None:
+        return dict(read_scenario(scenario).places)
+    beside = Path(world).with_suffix(".places.yaml")
+    return load_places(beside).places if is_file(beside) else {}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def parse_point(text: str, argument: str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from navstack.cli import options
-from navstack.cli.arguments import map_of, parse_pose
+from navstack.cli.arguments import map_of, parse_place
 from navstack.cli.log_options import (
     LogFile,
     Mount,
@@ -133,7 +133,7 @@ class LocalizeOptions(NamedTuple):
         """Open the log and the map, and read the parameters. Raises NavError."""
         if self.global_ and self.initial_pose is not None:
             raise InputError("--global and --initial-pose exclude each other; give one of them", argument="--global")
-        start = None if self.initial_pose is None else parse_pose(self.initial_pose, "--initial-pose")
+        start = None if self.initial_pose is None else parse_place(self.initial_pose, "--initial-pose", self.map_)
         methods = self._methods()
         chosen = drive_options(self.topic, self.mount, reference=self.reference, partial=self.partial)
         drive = open_scan_log(self.log, dataclasses.replace(chosen, start=self.from_, end=self.to))

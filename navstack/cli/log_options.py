@@ -12,7 +12,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from navstack.cli import options
-from navstack.cli.arguments import map_of, parse_numbers, parse_pose
+from navstack.cli.arguments import map_of, parse_numbers, parse_place
 from navstack.cli.output import print_note, print_warnings, shows_progress, stderr
 from navstack.core import InputError, LogError
 from navstack.logs import ScanLogOptions, open_log
@@ -211,7 +211,7 @@ class ReplayInput(NamedTuple):
             yield OpenedReplay(log, configuration, static_map, file, chosen, notes)
 
     def _initial_pose(self) -> Pose2D | None:
-        return None if self.initial_pose is None else parse_pose(self.initial_pose, "--initial-pose")
+        return None if self.initial_pose is None else parse_place(self.initial_pose, "--initial-pose", self.map_)
 
     def _topics(self) -> dict[str, str]:
         found = parse_topics(self.topic)
@@ -252,7 +252,7 @@ class ReplayInput(NamedTuple):
             if body.strip() == "end":
                 found.append((time, last_pose(log, configuration, topics, pose)))
             else:
-                found.append((time, parse_pose(body, "--goal")))
+                found.append((time, parse_place(body, "--goal", self.map_)))
         return tuple(found)
 
 

@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from navstack.behaviors import Trajectory, parse_angle, parse_length, read_step, trajectory_of
 from navstack.cli import options
-from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
+from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_place, scenario_file
 from navstack.cli.explain.tracking import draw, print_tracking
 from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.last_run import save_record
@@ -75,7 +75,7 @@ class MotionOptions(NamedTuple):
         """
         if world.startswith("-"):  # negative numbers are allowed as arguments, so unknown options arrive here
             raise InputError(f'there is no option "{world}"; `--help` lists the options', argument=world)
-        begin = parse_pose(self.start, "--start") if self.start is not None else start
+        begin = parse_place(self.start, "--start", world) if self.start is not None else start
         file = scenario_file(world)
         scenario = self._from_map(world, begin) if file is None else self._from_file(file, begin)
         return replace(scenario, goals=(), steps=steps, interactions=(), success=SuccessConditions())
@@ -217,7 +217,7 @@ def drive_to(
 
     Exit codes: 0 the pose was reached, 1 it was not, 2 invalid input, 130 interrupted.
     """
-    target = _pose_or_place(pose, world)
+    target = list(parse_place(pose, "the pose", world))
     values = {"speed": speed, "tolerance": tolerance, "backwards": backwards or None}
     step = read_step({"drive_to": target, **_given(values)})
     return run_motions(chosen.build(world, (step,)), out, json_=json_)
@@ -270,20 +270,6 @@ def follow(
     if chosen.start is None:
         scenario = _with_room(scenario, world, step)
     return run_motions(scenario, out, json_=json_)
-
-
-def _pose_or_place(text: str, world: str) -> list[float]:
-    """Pose of an argument. Raises InputError."""
-    if "," in text:
-        return list(parse_pose(text, "the pose"))
-    places = load_places(world).places if world in map_names() else {}
-    if text in places:
-        return list(places[text])
-    known = ", ".join(places)
-    also = f", or a place of {world}: {known}" if known else ""
-    raise InputError(
-        f'the pose "{text}" is neither x,y or x,y,yaw in meters and radians, such as 3,7.45,1.57{also}', value=text
-    )
 
 
 def _with_room(scenario: Scenario, world: str, step: FollowStep) -> Scenario:

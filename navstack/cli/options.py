@@ -145,7 +145,10 @@ Map = Annotated[
     ),
 ]
 Start = Annotated[
-    str | None, typer.Option("--start", metavar="X,Y[,YAW]", help="Start pose in the map frame (m, rad).")
+    str | None,
+    typer.Option(
+        "--start", metavar="X,Y[,YAW]|PLACE", help="Start pose in the map frame (m, rad), or a place of the map."
+    ),
 ]
 Footprint = Annotated[
     str | None,

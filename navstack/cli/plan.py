@@ -9,7 +9,7 @@ import typer
 
 from navstack.bringup import costmap_on_map, plan_on_map
 from navstack.cli import options
-from navstack.cli.arguments import footprint_overrides, map_of, note_off_the_map, parse_pose
+from navstack.cli.arguments import footprint_overrides, map_of, note_off_the_map, parse_place
 from navstack.cli.options import chosen_files
 from navstack.cli.output import (
     loading_kernels,
@@ -38,8 +38,13 @@ class PlanOptions(NamedTuple):
     """What to plan, and with which planners."""
 
     map_: options.Map
-    start: Annotated[str, typer.Option("--start", metavar="X,Y[,YAW]", help="Start pose in the map frame (m, rad).")]
-    goal: Annotated[str, typer.Option("--goal", metavar="X,Y[,YAW]", help="Goal pose in the map frame (m, rad).")]
+    start: Annotated[
+        str,
+        typer.Option("--start", metavar="X,Y[,YAW]|PLACE", help="Start pose in the map frame (m, rad), or a place."),
+    ]
+    goal: Annotated[
+        str, typer.Option("--goal", metavar="X,Y[,YAW]|PLACE", help="Goal pose in the map frame (m, rad), or a place.")
+    ]
     params: options.Params = ["turtlebot"]
     planner: Annotated[
         str | None,
@@ -96,7 +101,9 @@ def plan(
 
 def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
     """The query, and what plans. Raises InputError, MapError or ParameterError."""
-    start, goal = parse_pose(chosen.start, "--start"), parse_pose(chosen.goal, "--goal")
+    start, goal = (
+        parse_place(text, name, chosen.map_) for text, name in ((chosen.start, "--start"), (chosen.goal, "--goal"))
+    )
     path, grid = map_of(chosen.map_)
     if chosen.compare and chosen.planner is not None:
         raise InputError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from navstack.cli import options
-from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
+from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_place, scenario_file
 from navstack.cli.output import print_warnings
 from navstack.core import InputError
 from navstack.map_io import map_names
@@ -35,7 +35,9 @@ class ScenarioOptions(NamedTuple):
     start: options.Start = None
     goal: Annotated[
         list[str],
-        typer.Option("--goal", metavar="X,Y[,YAW]", help="Goal pose in the map frame (m, rad); repeatable, in order."),
+        typer.Option(
+            "--goal", metavar="X,Y[,YAW]|PLACE", help="Goal pose in the map frame (m, rad), or a place; repeatable."
+        ),
     ] = []
     params: options.ParamsOrScenario = []
     set_: options.Set = []
@@ -64,8 +66,8 @@ class ScenarioOptions(NamedTuple):
 
         Raises InputError, MapError, ParameterError or ScenarioError.
         """
-        start = parse_pose(self.start, "--start") if self.start is not None else None
-        goals = tuple(parse_pose(goal, "--goal") for goal in self.goal)
+        start = parse_place(self.start, "--start", self.map_) if self.start is not None else None
+        goals = tuple(parse_place(goal, "--goal", self.map_) for goal in self.goal)
         file = scenario_file(self.map_)
         if file is not None:
             return self._from_file(file, start, goals)

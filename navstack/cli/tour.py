@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from navstack.behaviors import EXAMPLES, read_step, step_text
 from navstack.cli import options
-from navstack.cli.arguments import map_of, parse_obstacles, parse_pose
+from navstack.cli.arguments import map_of, parse_obstacles, parse_place
 from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.last_run import save_record
 from navstack.cli.output import (
@@ -165,7 +165,7 @@ class TourOptions(NamedTuple):
         return file, str(beside)
 
     def _start(self, file: Path, places: Places) -> Pose2D:
-        start = parse_pose(self.start, "--start") if self.start is not None else places.start_pose
+        start = parse_place(self.start, "--start", file.name, file) if self.start is not None else places.start_pose
         if start is None:
             raise InputError(f"{file.name} defines no start pose; give --start x,y[,yaw]", argument="--start")
         return start

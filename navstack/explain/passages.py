@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap, Footprint, FrameTree, InputError, OccupancyGrid, Pose2D
@@ -174,7 +175,7 @@ def own_width(footprint: Footprint) -> float:
     """Return the width of a footprint across its narrow side (m); of one that stands for a circle, the circle's diameter."""
     if footprint.is_round:
         return 2.0 * footprint.circumscribed_radius
-    hull = np.array(footprint.polygon.convex_hull.exterior.coords)
+    hull: NDArray[np.float64] = shapely.get_coordinates(footprint.polygon.convex_hull)
     edges = np.diff(hull, axis=0)
     across = np.column_stack((-edges[:, 1], edges[:, 0])) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
     return round(float(np.ptp(hull @ across.T, axis=0).min()), 9)

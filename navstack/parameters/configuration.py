@@ -31,7 +31,7 @@ from navstack.parameters.plugin_lists import (
 )
 from navstack.parameters.rules import check_rules
 from navstack.parameters.simulated_robot import simulated
-from navstack.parameters.sources import Override, Source, read_sources
+from navstack.parameters.sources import Override, Source, read_sources, to_node
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
 from navstack.parameters.unused import meant_sections, unused_parameters, with_consequences
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
@@ -51,6 +51,7 @@ from navstack.plugins import (
 
 if TYPE_CHECKING:
     from navstack.parameters.lidar_description import DescribedLidar
+    from navstack.parameters.models.sim import SimParams
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Convert costmap parameters from before ROS Hydro: without `plugins`, with all parameters at the costmap's own level.
@@ -256,6 +257,8 @@ class Loader:
         self.files = read.files
         self.overrides = frozenset(read.overrides)
         self._sources = read
+        self._lidar_file = ""
+        """The file that describes the simulated lidars; empty if none does."""
         self.complete = not any(f.severity == "error" for f in read.findings)
         """False if a source could not be read: rules about missing parameters would mislead."""
         self.not_in_use: list[Space] = []
@@ -304,6 +307,8 @@ class Loader:
                 **parts, smoother=smoother, findings=(), tree=self.root, origins=self.binder.origins
             )
             sim = simulated(configuration, self._described)
+            if self._lidar_file:
+                self._write_lidars(sim)
             configuration = replace(configuration, navstack=configuration.navstack.model_copy(update={"sim": sim}))
             if self.complete:
                 self.findings += check_rules(configuration, consequences)
@@ -333,8 +338,23 @@ class Loader:
                 f"{lidar.beams} beams, {lidar.range_min:g} to {lidar.range_max:g} m, at ({lidar.x:g}, {lidar.y:g}) m; "
                 "navstack/sim sets other values"
             )
+            self._lidar_file = lidar.file
             self.findings.append(finding("info", "described-lidar", Location(lidar.file), "", message))
         return found
+
+    def _write_lidars(self, sim: SimParams) -> None:
+        """Write described lidars into the tree: a record, which keeps the tree, does not depend on the file later."""
+        at = Location(self._lidar_file)
+        space = self.root.ensure("navstack", at).ensure("sim", at)
+        values: dict[str, dict[str, Any]] = {name: sim.lidar(name).model_dump() for name in sim.lasers}
+        space.put("lasers", at, to_node(list(values), at)).used = True
+        self.binder.origins[space.join("lasers")] = at
+        for name, params in values.items():
+            below = space.ensure(name, at)
+            for key, value in params.items():
+                if below.leaf(key) is None:
+                    below.put(key, at, to_node(value, at)).used = True
+                    self.binder.origins[below.join(key)] = at
 
     # --- parts --------------------------------------------------------------------------------------------------------
 

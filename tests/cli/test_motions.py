@@ -111,7 +111,7 @@ def test_a_shape_starts_where_it_has_room(capsys: pytest.CaptureFixture[str]) ->
         (["move", "far"], 'the distance "far" is not a number'),
         (["turn", "1 gon"], "neither rad nor deg"),
         (["drive-to", "3,x"], 'the pose "3,x": "x" is not a number'),
-        (["drive-to", "kitchn"], 'the pose "kitchn" is neither x,y or x,y,yaw'),
+        (["drive-to", "kitchn"], 'the pose "kitchn" is no place of office; did you mean kitchen?'),
         (["follow", "circle"], "neither a shape (heart, figure_eight) nor a file"),
         (["follow", "absent.csv"], "cannot read absent.csv"),
         (["move", "1", "atlantis"], 'no file, packaged map or scenario is called "atlantis"'),

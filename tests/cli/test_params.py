@@ -60,7 +60,41 @@ def test_diff(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert "DWAPlannerROS/max_vel_trans" in text
     assert "- 0.3 m/s" in text
     assert "+ 0.5 m/s" in text
-    assert text.rstrip().endswith("differences")
+    assert "differences" in text.splitlines()[-1]
+
+
+def test_diff_lists_what_is_set_and_defaults_by_an_option(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (robot.parent / "other.yaml").write_text(
+        "base_local_planner: base_local_planner/TrajectoryPlannerROS\nlocal_costmap: {width: 4.0}\n", encoding="utf-8"
+    )
+    names: list[set[str]] = []
+    for flags in ([], ["--defaults"]):
+        assert run(["params", "diff", "robot", "other.yaml", "--json", *flags]) == 0
+        names.append(set(json.loads(capfd.readouterr().out)["differences"]))
+    assert "local_costmap/width" in names[0] and "base_local_planner" in names[0]
+    assert "TrajectoryPlannerROS/sim_granularity" in names[1] - names[0]
+    assert run(["params", "diff", "robot", "other.yaml"]) == 0
+    text = capfd.readouterr().out
+    assert f"{len(names[0])} differences; {len(names[1] - names[0])} more" in text and "(--defaults lists them)" in text
+
+
+def test_show_and_reference_of_a_name(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["params", "show", "robot", "inflation_radius", "--json"]) == 0
+    shown = json.loads(capfd.readouterr().out)["parameters"]
+    assert set(shown) == {"global_costmap/inflation/inflation_radius", "local_costmap/inflation/inflation_radius"}
+    assert run(["params", "show", "robot", "DWAPlannerROS/max_vel"]) == 0
+    text = capfd.readouterr().out
+    assert "max_vel_trans: 0.3" in text and "inflation_radius" not in text
+    assert run(["params", "show", "robot", "inflation_radus"]) == 2
+    assert "did you mean inflation_radius?" in capfd.readouterr().err
+    assert run(["params", "reference", "inflation_radius"]) == 0
+    text = capfd.readouterr().out
+    assert "| `inflation_radius` |" in text and "cost_scaling_factor`" not in text and "## Layer inflation" in text
+    assert run(["params", "reference", "DWAPlannerROS"]) == 0
+    text = capfd.readouterr().out
+    assert text.startswith("## Local planner dwa") and "| `sim_time` |" in text and text.count("\n## ") == 0
+    assert run(["params", "reference", "nothing_like_it"]) == 2
+    assert "in the name of no parameter" in capfd.readouterr().err
 
 
 def test_migrate(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:

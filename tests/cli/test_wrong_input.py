@@ -184,6 +184,31 @@ def test_a_misspelt_parameter_is_a_warning(navstack, tmp_path: Path) -> None:
     assert any(f["severity"] == "warning" and "max_vel_xx" in f["message"] for f in findings)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "office", "--start", "corridor_wst", "--goal", "kitchen"], "did you mean corridor_west?"),
+        (["plan", "office", "--start", "corridor_west", "--goal", "nowhere_at_all"], "places: corridor_west, "),
+        (["simulate", "office", "--goal", "kitchn"], "did you mean kitchen?"),
+        (["turn", "90", "office", "--start", "kitchn"], "did you mean kitchen?"),
+    ],
+)
+def test_names_of_places_that_do_not_exist(navstack, arguments: list[str], words: str) -> None:
+    outcome = navstack(*arguments)
+    assert outcome.code == 2 and words in outcome.err
+
+
+def test_places_are_taken_wherever_a_pose_is(navstack, tmp_path: Path) -> None:
+    assert "m " in navstack("plan", "office", "--start", "corridor_west", "--goal", "kitchen").out
+    # of a map in a file: the places next to it
+    path = write_map(tmp_path)
+    start, goal = GOOD_PLAN[GOOD_PLAN.index("--start") + 1], GOOD_PLAN[GOOD_PLAN.index("--goal") + 1]
+    assert "no file of places" in navstack("plan", path, "--start", "a", "--goal", goal).err
+    places = Path(path).with_suffix(".places.yaml")
+    places.write_text(f"a: [{start}, 0]\nb: [{goal}, 0]\n" if start.count(",") == 1 else f"a: [{start}]\nb: [{goal}]\n")
+    assert navstack("plan", path, "--start", "a", "--goal", "b").code == navstack("plan", path, *GOOD_PLAN).code == 0
+
+
 def test_an_override_that_sets_nothing_ends_the_command_with_the_full_names(navstack, tmp_path: Path) -> None:
     outcome = navstack("plan", write_map(tmp_path), *GOOD_PLAN, "--set", "inflation_radius=0.4")
     assert outcome.code == 2 and outcome.out == ""

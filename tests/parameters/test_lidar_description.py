@@ -103,6 +103,9 @@ def test_two_lasers_of_a_urdf_with_their_mounting(tmp_path: Path) -> None:
     assert abs(math.remainder(rear.yaw - (math.pi - 0.5), 2.0 * math.pi)) < 1e-6
     assert not [f for f in loaded.findings if f.rule == "assumed-lidar"]
     assert {f.rule for f in loaded.findings} >= {"described-lidar"}
+    # a record keeps the tree: its lidars do not depend on the file later
+    (package / "urdf" / "robot.urdf").unlink()
+    assert lidars(load_configuration([loaded.tree.as_dict()])) == {"laser": front, "laser_2": rear}
 
 
 MACRO = """
