@@ -116,7 +116,8 @@ class LocalizeOptions(NamedTuple):
             "--set",
             metavar="KEY=VALUE",
             help="Parameter of the localizer, or `method=` scan_matching (default) or amcl (default with --params), both "
-            "supervised by searches over the map (`search=false`: scan matching alone), amcl_only, dead_reckoning, or a localizer of another package (repeatable).",
+            "supervised by searches over the map (`search=false`: scan matching alone), amcl_only, dead_reckoning, or a "
+            "localizer of another package (repeatable).",
         ),
     ] = []
     versus: Annotated[
