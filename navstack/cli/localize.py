@@ -115,8 +115,9 @@ class LocalizeOptions(NamedTuple):
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Parameter of the localizer, or `method=` scan_matching (default), amcl (supervised by searches over the "
-            "map; default with --params), amcl_only, dead_reckoning, or a localizer of another package (repeatable).",
+            help="Parameter of the localizer, or `method=` scan_matching (default) or amcl (default with --params), both "
+            "supervised by searches over the map (`search=false`: scan matching alone), amcl_only, dead_reckoning, or a "
+            "localizer of another package (repeatable).",
         ),
     ] = []
     versus: Annotated[

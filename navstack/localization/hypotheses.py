@@ -189,6 +189,10 @@ def agreement(poses, ends, eye, field, settings, out):
                 total += math.log(s.through)
                 continue
             d, _, _ = field_at(field, ex * per, ey * per)
+            # off the map there is nothing: a wall at its border must not explain what is seen from beyond it
+            beyond_x = max(0.0, -ex, ex - field.shape[1] * s.cell)
+            beyond_y = max(0.0, -ey, ey - field.shape[0] * s.cell)
+            d += math.sqrt(beyond_x * beyond_x + beyond_y * beyond_y)
             if d < s.explained:
                 explained += 1
             total += math.log(s.unexpected + (1.0 - s.unexpected) * math.exp(-0.5 * d * d / (s.width * s.width)))

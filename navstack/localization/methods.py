@@ -12,13 +12,16 @@ from pydantic import ValidationError
 from navstack.core import InputError, short_repr
 from navstack.localization.amcl import Amcl
 from navstack.localization.evaluation import Cloud
+from navstack.localization.scan_matcher import ScanMatcher
 from navstack.localization.searching import SearchingLocalizer
-from navstack.parameters import AmclParams, SearchingParams
+from navstack.parameters import AmclParams, ScanMatcherParams, SearchingParams
 from navstack.plugins import LOCALIZERS, Localizer
 
 SUPERVISED: Final = "amcl"
 """amcl, supervised by searches over the map; `amcl_only` is amcl alone, every other method a localizer of that name."""
 ALONE: Final = "amcl_only"
+MATCHING: Final = "scan_matching"
+"""Scan matching, supervised as well: lost once, it would never search again. `search=false` leaves that out."""
 
 
 def methods() -> list[str]:
@@ -66,10 +69,17 @@ class Method:
         """Return the localizer, without a map, and the function that returns its particles. Raises InputError."""
         if self.name in (SUPERVISED, ALONE):
             localizer = self._amcl(seed)
+        elif self.name == MATCHING:
+            localizer = self._matching()
         else:
             cls: Any = LOCALIZERS.get(self.name).cls
             localizer = cls(self._params(cls.Params, self.values), seed=seed)
         return localizer, lambda: localizer.possible_poses()[0]
+
+    def _matching(self) -> Localizer:
+        params: SearchingParams = self._params(SearchingParams, self.values)
+        matcher = ScanMatcher(ScanMatcherParams(**params.model_dump(include=set(ScanMatcherParams.model_fields))))
+        return SearchingLocalizer(matcher, params) if params.search else matcher
 
     def _amcl(self, seed: int) -> Localizer:
         supervised = self.name == SUPERVISED

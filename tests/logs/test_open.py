@@ -247,7 +247,10 @@ def _records(count: int, positions: Callable[[int], int]) -> bytes:
         )
         return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
 
-    u32, stamp = (lambda value: struct.pack("<I", value)), struct.pack("<II", 10, 0)
+    def u32(value: int) -> bytes:
+        return struct.pack("<I", value)
+
+    stamp = struct.pack("<II", 10, 0)
     definition = b"string data\n"
     inner = b"".join(
         struct.pack("<I", len(field)) + field

@@ -1,3 +1,4 @@
+# pyright: reportUnknownLambdaType=false
 """The parts of the nodes, without a ROS graph: inbox, action, log, parameters, advice for launch files."""
 
 from __future__ import annotations
