@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from navstack.behaviors import FollowStep, Step
     from navstack.cli.interrupts import Interrupt
     from navstack.record import Record
-    from navstack.scenario import Places, RunResult
+    from navstack.scenario import GoalOutcome, Places, RunResult
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The options of `navstack move`, `turn`, `follow` and `teleop` that choose the world and the robot.
@@ -380,7 +380,7 @@ def print_steps(result: RunResult) -> None:
             f"[{style}]{goal.state}[/]",
             f"{goal.time_s:.1f} s",
             f"{goal.path_length_m:.3f} m",
-            f"{goal.distance_left_m:.3f} m",
+            _remaining(goal),
         )
     out.print(table)
     for goal in result.goals:
@@ -388,6 +388,13 @@ def print_steps(result: RunResult) -> None:
         out.print(escape(reason))
     if result.collisions:
         out.print(f"[bold red]{result.collisions} collisions[/]")
+
+
+def _remaining(goal: GoalOutcome) -> str:
+    """What is left of a step: the angle of a turn, the distance of everything else."""
+    if goal.step.startswith("turn"):
+        return f"{math.degrees(goal.yaw_left_rad):.1f} degrees"
+    return f"{goal.distance_left_m:.3f} m"
 
 
 def _tracking(record: Record, folder: Path, *, quiet: bool) -> dict[str, str]:

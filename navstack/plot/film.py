@@ -156,7 +156,8 @@ class Film:
         self._marks = Stamp(surface, axes, marks)
 
     def _add_legend(self, entries: Entries) -> None:
-        ground = cost_legend(None) if self._layers else occupancy_legend()
+        grid = self._record.map
+        ground = cost_legend(None) if self._layers else [] if grid is None else occupancy_legend(grid)
         if any(layer.name == "local" for layer in self._layers):
             entries = [*entries, (frame_handle(), "local costmap")]
         box = self._picture.legend(entries + ground)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from navstack.explain import GoalReport, RecoveryRun
 
-_PANELS: Final = ((3.55, 2.35), (2.1, 1.2), (0.55, 1.3))
+_PANELS: Final = ((4.35, 2.25), (3.2, 0.95), (2.05, 0.95), (0.55, 1.3))
 """Bottom and height of the panels, inches."""
 STATES = {"PLANNING": colors.YELLOW, "CONTROLLING": colors.SKY, "CLEARING": colors.PURPLE, "MOTION": colors.GREEN}
 """Colors of the states."""
@@ -43,9 +43,9 @@ def plot_goal_reports(
 ) -> Any:
     """Draw goals over time; `reports` are the results of `explain_goals(record)`. `record` adds a subtitle.
 
-    To a .png, .svg or .pdf, into the axes `ax` (one, or three), or a new figure. Raises OutputError, also if no goal has
-    samples, and InputError for another number of axes. Returns the file; without a path the list of the axes of the three
-    panels: distance, velocity, and states.
+    To a .png, .svg or .pdf, into the axes `ax` (one, or four), or a new figure. Raises OutputError, also if no goal has
+    samples, and InputError for another number of axes. Returns the file; without a path the list of the axes of the four
+    panels: distance, linear velocity, angular velocity, and states.
     """
     # a goal without control cycles was canceled or replaced before it began
     goals = [report for report in reports if len(report.times) and math.isfinite(report.ended)]
@@ -62,16 +62,16 @@ def plot_goal_reports(
             _PANELS,
             title=_title(reports),
             subtitle="" if record is None else circumstances(record),
-            size=(10.0, 6.7),
+            size=(10.0, 7.4),
             right=7.75,
         )
         panels.set_times(begin - slack, end + slack)
-        distance, velocity, lanes = panels.axes
-        for axes in (distance, velocity):
+        distance, linear, angular, lanes = panels.axes
+        for axes in (distance, linear, angular):
             axes.tick_params(labelbottom=False)
-        _shade_states((distance, velocity), goals)
+        _shade_states((distance, linear, angular), goals)
         _draw_distance(distance, goals)
-        _draw_velocity(velocity, goals)
+        _draw_velocity(linear, angular, goals)
         _draw_lanes(lanes, goals)
         _add_legends(panels, goals)
         return panels.finish(dpi)
@@ -152,16 +152,17 @@ def _draw_outcome(axes: Axes, goal: GoalReport, y: float, *, alone: bool) -> Non
     )
 
 
-def _draw_velocity(axes: Axes, goals: Sequence[GoalReport]) -> None:
-    """Draw linear and angular velocity."""
+def _draw_velocity(linear: Axes, angular: Axes, goals: Sequence[GoalReport]) -> None:
+    """Draw linear and angular velocity, each with its own axis: one of them would flatten the other."""
     for goal in goals:
         speed = np.where(np.abs(goal.velocity[:, 1]) > 1e-9, np.hypot(*goal.velocity[:, :2].T), goal.velocity[:, 0])
-        axes.plot(goal.times, goal.velocity[:, 2], color=colors.VERMILLION, lw=1.0, ls=(0, (4, 1.5)), zorder=3)
-        axes.plot(goal.times, speed, color=colors.BLUE, lw=1.4, zorder=4)
-    axes.axhline(0.0, color=colors.FAINT, lw=0.6, zorder=1)
-    low, high = axes.get_ylim()
-    axes.set_ylim(min(low, -0.1), max(high, 0.1))
-    axes.set_ylabel("velocity\n(m/s, rad/s)")
+        linear.plot(goal.times, speed, color=colors.BLUE, lw=1.4, zorder=4)
+        angular.plot(goal.times, goal.velocity[:, 2], color=colors.VERMILLION, lw=1.0, zorder=4)
+    for axes, label in ((linear, "linear (m/s)"), (angular, "angular (rad/s)")):
+        axes.axhline(0.0, color=colors.FAINT, lw=0.6, zorder=1)
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, -0.1), max(high, 0.1))
+        axes.set_ylabel(label, fontsize=8)
 
 
 def _draw_lanes(axes: Axes, goals: Sequence[GoalReport]) -> None:
@@ -209,9 +210,11 @@ def _draw_recovery(axes: Axes, recovery: RecoveryRun, number: int) -> None:
 
 
 def _add_legends(panels: canvas.Panels, goals: Sequence[GoalReport]) -> None:
-    """Add a legend next to each of the three panels; inside those of the caller."""
-    entries = (_distance_entries(goals), _velocity_entries(), _lane_entries(goals))
+    """Add a legend next to each panel; inside those of the caller. The axes of the velocities have their names."""
+    entries = (_distance_entries(goals), [], [], _lane_entries(goals))
     for axes, of_panel in zip(panels.axes, entries, strict=True):
+        if not of_panel:
+            continue
         handles, labels = [handle for handle, _ in of_panel], [label for _, label in of_panel]
         if not panels.is_own:
             axes.legend(handles, labels, loc="best", handlelength=1.8, fontsize=6)
@@ -236,14 +239,6 @@ def _distance_entries(goals: Sequence[GoalReport]) -> Entries:
         entries.append((Line2D([], [], color=colors.PLAN, lw=1.6), "along the plan"))
     occurring = {span.state for goal in goals for span in goal.spans}
     return entries + [(Patch(facecolor=STATES[name], alpha=0.6), name) for name in STATES if name in occurring]
-
-
-def _velocity_entries() -> Entries:
-    from matplotlib.lines import Line2D
-
-    linear = Line2D([], [], color=colors.BLUE, lw=1.4)
-    angular = Line2D([], [], color=colors.VERMILLION, lw=1.0, ls=(0, (4, 1.5)))
-    return [(linear, "linear (m/s)"), (angular, "angular (rad/s)")]
 
 
 def _lane_entries(goals: Sequence[GoalReport]) -> Entries:

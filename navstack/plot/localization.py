@@ -172,7 +172,7 @@ def _background(
     ]
     if len(reference):
         entries.append(_draw_reference(picture.axes, reference))
-    entries += occupancy_legend()
+    entries += occupancy_legend(grid)
     if first.clouds:
         entries.append((Line2D([], [], marker=".", ls="", color=_PARTICLES), "particles"))
     if first.lost.any():
@@ -240,7 +240,7 @@ def plot_starts(
             subtitle += f"   median {scans:.0f} scans, {seconds:.1f} s, {meters:.1f} m"
         picture = Picture(area, title=title, subtitle=subtitle, ax=ax, managed=path is None)
         drawing.draw_occupancy(picture.axes, grid, area=picture.area)
-        entries = [_draw_reference(picture.axes, driven), *occupancy_legend()]
+        entries = [_draw_reference(picture.axes, driven), *occupancy_legend(grid)]
         length = _HEADING * (picture.area.max_x - picture.area.min_x)
         for outcome, kind in reversed(_KINDS.items()):
             rows = np.array([result.pose for result in starts.of(outcome)]).reshape(-1, 3)

@@ -62,7 +62,7 @@ def plot_map(
         for name, pose in named.items():
             _draw_place(axes, name, pose, picture.points_per_m)
         place: Entries = [(disc_handle(colors.BLUE), "place and its heading")] if named else []
-        picture.legend(place + occupancy_legend())
+        picture.legend(place + occupancy_legend(grid))
         return picture.finish(path, dpi)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Bounds, GridGeometry
+from navstack.core import Bounds, GridGeometry, OccupancyGrid
 from navstack.plot import canvas, colors
 
 if TYPE_CHECKING:
@@ -118,10 +118,15 @@ def cost_legend(costs: NDArray[np.uint8] | None) -> Entries:
     return [(handle, label) for handle, label, (low, high) in bands if present[low : high + 1].any()]
 
 
-def occupancy_legend() -> Entries:
-    """Return the entries of the cells of an occupancy grid."""
-    cells = (("free", colors.FREE_RGB), ("occupied", colors.LETHAL_RGB), ("unknown", colors.UNKNOWN_RGB))
-    return [(swatch(rgb), name) for name, rgb in cells]
+def occupancy_legend(grid: OccupancyGrid) -> Entries:
+    """Return the entries of the kinds of cells that occur in an occupancy grid."""
+    present = np.bincount(grid.data.ravel().view(np.uint8), minlength=256) > 0
+    cells = (
+        ("free", colors.FREE_RGB, present[:50]),
+        ("occupied", colors.LETHAL_RGB, present[50:128]),
+        ("unknown", colors.UNKNOWN_RGB, present[128:]),
+    )
+    return [(swatch(rgb), name) for name, rgb, occurs in cells if occurs.any()]
 
 
 def disc_handle(color: str, *, hollow: bool = False) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -172,7 +173,10 @@ def headline(record: Record) -> str:
         else:
             parts.append(f"{reached} of {len(results)} {what}s {done}")
     if len(record.times):
-        parts.append(f"{record.path_length:.1f} m in {record.duration:.1f} s")
+        turned = math.degrees(float(np.abs(np.diff(np.unwrap(record.poses[:, 2]))).sum()))
+        in_place = record.path_length < 0.05 and turned >= 1.0
+        how = f"turned {turned:.0f} degrees" if in_place else f"{record.path_length:.1f} m"
+        parts.append(f"{how} in {record.duration:.1f} s")
     recoveries = len(incidents(record))
     if recoveries:
         parts.append(f"{recoveries} recover{'ies' if recoveries != 1 else 'y'}")
@@ -231,7 +235,7 @@ def draw_ground(axes: Axes, record: Record, area: Bounds, costmap: str | None) -
     times = record.costmap_times(costmap) if costmap else np.empty(0)
     last = record.costmap_at(costmap, float(times[-1])) if costmap and len(times) else None
     if last is None:
-        return [] if record.map is None else occupancy_legend()
+        return [] if record.map is None else occupancy_legend(record.map)
     pose = record.to_global(last.frame, float(times[-1])) if len(record.times) else Transform2D()
     drawing.draw_grid(axes, last.data, colors.COSTS, last.geometry, area=area, pose=pose, zorder=0.5)
     window = last.geometry.window_of(area) if pose.is_identity() else last.geometry.window

@@ -23,6 +23,8 @@ class Job:
     """Unique name, the same in every run of the same jobs (`world 31 seed 0`)."""
     input: Any
     """Argument of `work`; must be picklable."""
+    weight: float = 1.0
+    """Its expected duration relative to others, for the estimate of the time left."""
 
 
 @dataclass(frozen=True, slots=True)

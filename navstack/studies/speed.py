@@ -221,6 +221,8 @@ def calibration_ms(repeats: int = CALIBRATION_RUNS) -> float:
 MAX_REFERENCE_BYTES: Final = 1_000_000
 WHOLE_RUN, STAGES_OF_RUN = "whole run", "stages of a run"
 _CALLS_PER_REPEAT: Final = 15
+_SCENE_WEIGHT: Final = 0.12
+"""Time of the calls of a scene relative to that of a run."""
 _WARM_UP_CALLS: Final = 5
 
 _WHOLE_COLUMNS: Final = (
@@ -308,7 +310,9 @@ class SpeedTask(Task):
 
     def jobs(self) -> list[Job]:
         """Return the whole run, its stages, and the single scenes."""
-        return [Job(name, name) for name in (WHOLE_RUN, STAGES_OF_RUN, *SCENES)]
+        run = float(self.repeats + 1)
+        weights = {WHOLE_RUN: run, STAGES_OF_RUN: run} | dict.fromkeys(SCENES, _SCENE_WEIGHT * self.repeats)
+        return [Job(name, name, weight) for name, weight in weights.items()]
 
     def report(self, results: Sequence[JobResult]) -> Report:
         """Return the real-time factor, the stages of a run, and the scenes, with ratios to the reference if there is one."""

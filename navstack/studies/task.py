@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from abc import ABC, abstractmethod
@@ -99,7 +100,7 @@ def run_jobs(
             file = stack.enter_context(ResultsFile(results, what or {}, keys, resume=resume))
         found = dict(file.done) if file is not None else {}
         left = [job for job in jobs if job.key not in found]
-        report = stack.enter_context(progress_of(len(jobs), len(found), quiet=not progress))
+        report = stack.enter_context(progress_of(jobs, list(found), quiet=not progress))
         if left:
             if executor is None:
                 executor = ProcessExecutor(work, processes)
@@ -131,31 +132,39 @@ LINE_INTERVAL_S: Final = 60.0
 
 
 @contextmanager
-def progress_of(total: int, done: int, *, quiet: bool) -> Generator[Callable[[JobResult], None]]:
-    """Yield a callback for each result; `done` of `total` results exist already."""
+def progress_of(jobs: Sequence[Job], done: Sequence[str], *, quiet: bool) -> Generator[Callable[[JobResult], None]]:
+    """Yield a callback for each result; the jobs with the keys `done` are finished. Jobs count by their weight."""
+    weights = {job.key: job.weight for job in jobs}
+    finished = math.fsum(weights[key] for key in done)
     if quiet:
         yield lambda result: None
     elif sys.stderr.isatty():
-        with time_left_bar(total, done) as move:
+        counted = all(weight == 1.0 for weight in weights.values())
+        with time_left_bar(math.fsum(weights.values()), finished, counted=counted) as move:
             failed = 0
+            left = [job.key for job in jobs if job.key not in done]
 
             def report(result: JobResult) -> None:
-                nonlocal done, failed
-                done += 1
+                nonlocal finished, failed
+                finished += weights[result.key]
                 failed += result.failed
-                move(done, f"{failed} failed" if failed else "")
+                left.remove(result.key)
+                remarks = [f"{failed} failed"] if failed else []
+                move(finished, "; ".join([*remarks, *left[:1]]))
 
+            move(finished, left[0] if left else "")
             yield report
     else:
-        yield _lines(total, done)
+        yield _lines(weights, finished, len(done))
 
 
 @contextmanager
 def time_left_bar(
-    total: int, done: int = 0, *, what: str = "", shown: bool = True
-) -> Generator[Callable[[int, str], None]]:
+    total: float, done: float = 0, *, what: str = "", shown: bool = True, counted: bool = True
+) -> Generator[Callable[[float, str], None]]:
     """Show a bar on stderr with the elapsed and the remaining time, labeled `what`, if `shown`.
 
+    `counted`: the items count alike and are shown as numbers, otherwise as a percentage.
     Yields a callback that takes the number of finished items and a remark shown behind the bar.
     """
     from rich.console import Console
@@ -170,7 +179,7 @@ def time_left_bar(
 
     columns = (
         *((TextColumn(what),) if what else ()),
-        MofNCompleteColumn(),
+        MofNCompleteColumn() if counted else TextColumn("{task.percentage:3.0f} %"),
         BarColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
@@ -185,17 +194,19 @@ def time_left_bar(
         yield lambda now_done, remark: bar.update(task, completed=now_done, remark=remark)
 
 
-def _lines(total: int, done: int) -> Callable[[JobResult], None]:
+def _lines(weights: Mapping[str, float], finished: float, count: int) -> Callable[[JobResult], None]:
     began = time.monotonic()
-    last_line, now_done = began, done
+    last_line, now_finished, now_count = began, finished, count
+    total = math.fsum(weights.values())
 
     def report(result: JobResult) -> None:
-        nonlocal last_line, now_done
-        now_done += 1
+        nonlocal last_line, now_finished, now_count
+        now_finished += weights[result.key]
+        now_count += 1
         now = time.monotonic()
         if now - last_line >= LINE_INTERVAL_S:
             last_line = now
-            left = (now - began) / (now_done - done) * (total - now_done)
-            print(f"{now_done} of {total} done, {left / 60.0:.1f} min left", file=sys.stderr, flush=True)
+            left = (now - began) / (now_finished - finished) * (total - now_finished)
+            print(f"{now_count} of {len(weights)} done, {left / 60.0:.1f} min left", file=sys.stderr, flush=True)
 
     return report

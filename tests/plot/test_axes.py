@@ -22,7 +22,7 @@ from navstack.record import Record
 from tests.explain.conftest import scenario
 
 WORLDS = [{"world": 1, "optimal_time_s": 5.0, "runs": 2, "success": 1, "collision": 1, "other": 0, "time_s": 12.0}]
-PANELS = {"goals": 3, "inflation": 1}
+PANELS = {"goals": 4, "inflation": 1}
 
 
 @pytest.fixture(scope="module")

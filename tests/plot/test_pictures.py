@@ -611,3 +611,20 @@ def test_turning_in_place_and_standing_are_marked() -> None:
     assert any(text.get_text() == f"{times[-1]:.0f} s" for text in axes.texts)
     legend = axes.figure.legends[0] if axes.figure.legends else axes.get_legend()
     assert f"turned in place ({times[-1]:.0f} s)" in [t.get_text() for t in legend.get_texts()]
+
+
+def test_the_legend_has_unknown_cells_only_where_there_are_some() -> None:
+    from navstack.plot.picture import occupancy_legend
+
+    known = OccupancyGrid(np.array([[0, 100], [0, 0]], np.int8), GridGeometry(2, 2, 0.1, 0.0, 0.0))
+    assert [name for _, name in occupancy_legend(known)] == ["free", "occupied"]
+    partly = OccupancyGrid(np.array([[0, -1], [0, 0]], np.int8), GridGeometry(2, 2, 0.1, 0.0, 0.0))
+    assert [name for _, name in occupancy_legend(partly)] == ["free", "unknown"]
+
+
+def test_a_turn_in_place_is_told_in_degrees() -> None:
+    record = synthetic.record_run(3.0).record()
+    record.poses[:] = record.poses[0]
+    record.poses[:, 2] = np.linspace(0.0, math.pi / 2, len(record.times))
+    assert "turned 90 degrees in" in headline(record)
+    assert " m in" not in headline(record)

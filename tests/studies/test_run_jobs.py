@@ -280,3 +280,27 @@ def test_workers_never_see_an_interrupt() -> None:
         executor.submit(Job("one", {"number": 1}))
         assert executor.collect().value is True
     assert not work.blocks_interrupts(1)
+
+
+def test_the_time_left_counts_jobs_by_their_weight(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The whole run of `bench speed` takes as long as ten scenes."""
+    from navstack.studies import task
+
+    now = 0.0
+    monkeypatch.setattr(task.time, "monotonic", lambda: now)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: False, raising=False)
+    jobs = [Job("long", 0, 10.0), *(Job(f"short {k}", 0) for k in range(10))]
+    with task.progress_of(jobs, [], quiet=False) as report:
+        now = 600.0
+        report(JobResult("long", None, None))
+    assert "1 of 11 done, 10.0 min left" in capfd.readouterr().err
+
+
+def test_the_jobs_of_the_speed_benchmark_are_weighted() -> None:
+    from navstack.studies.speed import SCENES, STAGES_OF_RUN, WHOLE_RUN, SpeedTask
+
+    weights = {job.key: job.weight for job in SpeedTask(None, 7).jobs()}
+    assert weights[WHOLE_RUN] == weights[STAGES_OF_RUN] == 8.0
+    assert all(weights[name] < 1.0 for name in SCENES)
