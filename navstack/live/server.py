@@ -395,7 +395,7 @@ class LiveServer:
     def _report(self, text: str, done: int, total: int) -> None:
         if self._ending:
             raise _EndedError
-        if total or not self._doing[2]:  # a bar stays a bar
+        if total or text != COMPILING or not self._doing[2]:  # a bar stays a bar
             self._doing = text, done, total
 
     async def _driving(self, app: web.Application) -> AsyncIterator[None]:

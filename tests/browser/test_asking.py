@@ -241,6 +241,10 @@ def test_a_phone(live: Start, open_page: Open) -> None:
     page.tap("#sheet-button")
     page.tap("#show-goals")
     page.locator("#queue li", has_text="goal 1").wait_for()
+    scene = page.locator("#scene").bounding_box()
+    page.wait_for_function(f"() => Math.abs(window.navstack.camera.height - {scene['height']}) < 1")
+    robot = at(page, *value(page, "side.pose")[:2])
+    assert scene["y"] < robot[1] < scene["y"] + scene["height"]  # the sheet does not hide it
     for button in page.locator("#tools button").all():
         size = button.bounding_box()
         assert size["width"] >= 44 and size["height"] >= 44

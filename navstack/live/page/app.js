@@ -34,6 +34,7 @@ class App {
     this.why = new Why(this);
     this.save = new Save(this);
     this.teleop = new Teleop(this);
+    for (const scene of this.scenes) scene.refit = () => this.fit();
     for (const scene of this.scenes) scene.fan = (where, side) => this.why.draw(where, side);
     this.tools = new Tools(this);
     this.timeline = new Timeline(this);
@@ -100,7 +101,7 @@ class App {
     if (side?.moving) this.dirty = true;
     if (this.dirty || this.scenes.some((scene) => scene.needed)) {
       this.dirty = false;
-      if (side?.pose && this.follow) [this.camera.x, this.camera.y] = side.poseAt(now);
+      if (side?.pose && this.follow) { [this.camera.x, this.camera.y] = side.poseAt(now); this.camera.fitted = false; }
       for (const scene of this.scenes) { scene.needed = false; if (!scene.canvas.hidden) scene.draw(now); }
       this.texts(side, now);
     }

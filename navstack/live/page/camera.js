@@ -2,12 +2,9 @@
 export class Camera {
   constructor() { this.x = 0; this.y = 0; this.scale = 40; this.width = 1; this.height = 1; this.set = this.fitted = false; }
 
-  /** The map keeps its place at the upper left corner: a panel that opens does not move it under the pointer. */
+  /** The map keeps its place at the left: a panel that opens at the right does not move it under the pointer. */
   resize(width, height) {
-    if (this.set && this.width > 1) {
-      this.x += (width - this.width) / 2 / this.scale;
-      this.y -= (height - this.height) / 2 / this.scale;
-    }
+    if (this.set && this.width > 1) this.x += (width - this.width) / 2 / this.scale;
     this.width = width;
     this.height = height;
   }

@@ -12,6 +12,7 @@ export class Scene {
     this.context = canvas.getContext('2d');
     this.map = new Grid();
     this.frames = 0;
+    this.refit = null; // shows the whole map again
     this.fan = null; // function(scene, side) that draws the trajectories of an answer
     this.overlay = null; // function(scene, context, size of a pixel) of the tools
     this.front = null; // the robot whose scans, obstacles and trajectories are drawn
@@ -24,9 +25,10 @@ export class Scene {
     if (!box.width) return; // hidden
     this.canvas.width = Math.max(1, Math.round(box.width * ratio));
     this.canvas.height = Math.max(1, Math.round(box.height * ratio));
-    const before = this.camera.width;
+    const { width: before, height } = this.camera;
     this.camera.resize(box.width, box.height);
     if (this.extent && (!this.camera.set || before <= 1)) this.camera.fit(this.extent);
+    else if (this.camera.fitted && box.height !== height) this.refit?.(); // a sheet that opens below covers nothing
     this.needed = true;
   }
 
