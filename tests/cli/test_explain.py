@@ -70,7 +70,9 @@ def test_passages_as_table_json_and_picture(navstack, drawn: Path, tmp_path: Pat
     outcome = navstack("explain", "passages", drawn, "--out", out)
     assert outcome.code == 0
     assert "1 passable, 1 at high cost, 1 not passable" in outcome.out
-    assert "this robot: own width 0.40 m, turning width 0.40 m, low-cost width 0.65 m, minimum width 0.45 m" in outcome.out
+    assert (
+        "this robot: own width 0.40 m, turning width 0.40 m, low-cost width 0.65 m, minimum width 0.45 m" in outcome.out
+    )
     assert is_picture(out / "passages.png")
     written = json.loads((out / "passages.json").read_text())
     document = json.loads(navstack("explain", "passages", drawn, "--json").out)
