@@ -111,11 +111,13 @@ def print_findings(
 
     shown = {Verbosity.QUIET: (), Verbosity.NORMAL: ("warning",), Verbosity.VERBOSE: ("warning", "info")}[_verbosity]
     chosen = [finding for finding in findings if finding.severity in shown]
-    if _verbosity == Verbosity.NORMAL and len(chosen) > 1 and sources:
+    # `check` has no option --footprint or --compare: what is said about their values is printed
+    counted = [f for f in chosen if not f.file.startswith("--") or f.file.startswith("--set")]
+    if _verbosity == Verbosity.NORMAL and len(counted) > 1 and sources:
         options = [word for text in overrides for word in ("--set", text)] + (["--distro", distro] if distro else [])
         command = shlex.join(["navstack", "check", *sources, *options])
-        stderr().print(f"[yellow]{len(chosen)} warnings about the parameters;[/] `{escape(command)}` shows them")
-        return
+        stderr().print(f"[yellow]{len(counted)} warnings about the parameters;[/] `{escape(command)}` shows them")
+        chosen = [f for f in chosen if f not in counted]
     for finding in chosen:
         color = "yellow" if finding.severity == "warning" else "cyan"
         place = f"{finding.location}: " if str(finding.location) else ""

@@ -20,17 +20,19 @@ def test_a_caret_is_below_the_column(tmp_path, capsys) -> None:
 
 @pytest.mark.slow
 def test_severities_have_the_same_names_everywhere(tmp_path, capsys) -> None:
-    setting = ["--set", "DWAPlannerROS/max_vel_xx=0.4"]
-    run(["check", "turtlebot", *setting])
+    more = tmp_path / "more.yaml"
+    more.write_text("DWAPlannerROS: {max_vel_xx: 0.4}\n")
+    run(["check", "turtlebot", str(more)])
     text = capsys.readouterr().out
-    run(["check", "turtlebot", *setting, "--json"])
+    run(["check", "turtlebot", str(more), "--json"])
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert {found["severity"] for found in findings} == {"warning", "info"}
     for found in findings:
         assert f"{found['severity']}: {found['message']}" in " ".join(text.split())
     count = sum(found["severity"] == "info" for found in findings)
     assert text.splitlines()[-1] == f"0 errors, 1 warning, {count} infos"
-    goal = ["--start", "0.8,7.45", "--goal", "1.2,7.45", "--out", str(tmp_path / "out"), *setting]
+    goal = ["--start", "0.8,7.45", "--goal", "1.2,7.45", "--out", str(tmp_path / "out")]
+    goal += ["--params", "turtlebot", "--params", str(more)]
     assert run(["simulate", "office", *goal]) == 0
     shown = " ".join(capsys.readouterr().err.split())
     (warning,) = (found["message"] for found in findings if found["severity"] == "warning")

@@ -89,8 +89,8 @@ def test_invalid_input_gives_one_message(arguments: list[str], capfd: pytest.Cap
         ),
         (
             ["--compare", "navfn:default_tolerence=1"],
-            0,
-            "warning: --compare navfn:default_tolerence=1: default_tolerence",
+            2,
+            "--compare navfn:default_tolerence=1: NavfnROS/default_tolerence = 1 sets nothing",
         ),
         (["--footprint", "0x1"], 2, '--footprint "0x1" cannot be used: it is neither a box'),
         (["--footprint", "[[0,0],[1,1]]"], 2, "cannot be used: a footprint needs at least three points"),
