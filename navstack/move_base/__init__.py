@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from navstack.move_base.errors import StaleOdometryError as StaleOdometryError
     from navstack.move_base.errors import StaleSensorsError as StaleSensorsError
     from navstack.move_base.events import TickResult as TickResult
-    from navstack.move_base.goals import REPLACED as GOAL_REPLACED
+    from navstack.move_base.goals import REPLACED as REPLACED
     from navstack.move_base.goals import STATUS_LIST_TIMEOUT_S as STATUS_LIST_TIMEOUT_S
     from navstack.move_base.goals import Goal as Goal
     from navstack.move_base.goals import GoalHandle as GoalHandle

@@ -7,7 +7,7 @@ from collections import deque
 from typing import Any, Final
 
 from navstack.core import Event, NavError, Pose2D
-from navstack.move_base import GOAL_REPLACED, STATUS_LIST_TIMEOUT_S, GoalHandle, GoalStatus, MoveBase
+from navstack.move_base import REPLACED, STATUS_LIST_TIMEOUT_S, GoalHandle, GoalStatus, MoveBase
 from navstack.ros1 import ros
 from navstack.ros1.node import Inbox, NodeClock
 from navstack.ros_messages import MessageBuilder
@@ -156,7 +156,7 @@ class ActionInterface:
             result = ros.message("move_base_msgs/MoveBaseActionResult")()
             result.header.stamp = self._stamp(now)
             result.status = ros.message("actionlib_msgs/GoalStatus")(
-                goal_id=message.goal_id, status=int(GoalStatus.RECALLED), text=GOAL_REPLACED
+                goal_id=message.goal_id, status=int(GoalStatus.RECALLED), text=REPLACED
             )
             self._result.publish(result)
 
