@@ -461,6 +461,7 @@ class Motion(TimedBehavior[MotionParams]):
             costmap=obstacle.costmap,
             collision_after_m=meters,
             collision_after_rad=turned,
+            collision_ahead=[float(v) for v in poses[obstacle.index]],
             **data,
         )
 

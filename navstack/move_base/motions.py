@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -178,7 +179,7 @@ class MotionRunner:
         if step is not None:
             if not handle.has_begun:
                 try:
-                    self._publish_target(handle, now)
+                    self._publish_begin(handle, now)
                 except NavError as exc:
                     self._end(handle, now, exc)
                     return
@@ -234,6 +235,10 @@ class MotionRunner:
         self._runner.drop(now)
         self._output.stop_if_moving(now, SOURCE)
         self._costmaps.enable(not self.params.shutdown_costmaps, now)
+        if not handle.has_begun and error is not None and handle.motion.target is not None:
+            with contextlib.suppress(NavError):  # pictures show where it was to go; without a transform, they do not
+                self._publish_target(handle, now)
+                self._publish_line(handle, now)
         self._publish_end(handle, now)
 
     # --- events -------------------------------------------------------------------------------------------------------
@@ -244,25 +249,34 @@ class MotionRunner:
         events.publish(now, "status", f"ACTIVE: {handle.id}", status)
         events.publish(now, "state", f"IDLE -> {ACTIVITY}: {name}", {"from": "IDLE", "to": ACTIVITY, "event": name})
 
-    def _publish_target(self, handle: MotionHandle, now: float) -> None:
+    def _publish_begin(self, handle: MotionHandle, now: float) -> None:
         """Publish what the motion will do, once its first step has determined it."""
         handle.has_begun = True
-        events, motion = self._events, handle.motion
-        frame = self.context.global_costmap.frame
-        target, path = motion.target, motion.reference
+        self._publish_target(handle, now)
+        motion = handle.motion
+        what = call(motion, motion.describe, check=dict)
+        data = {**what, "id": handle.id, "name": motion.name, "frame": motion.frame, "at": now}
+        self._events.publish(now, "motion", f"{motion.name} begins", data)
+        self._publish_line(handle, now)
+
+    def _publish_target(self, handle: MotionHandle, now: float) -> None:
+        motion, frame = handle.motion, self.context.global_costmap.frame
+        target = motion.target
         if target is not None:
             target = call(motion, lambda: target, check=checked_pose)
             x, y, yaw = handle.target = self._to_global(motion.frame, now).apply(target)
             data = {"id": handle.id, "pose": [x, y, yaw], "frame": frame, "stamp": handle.sent_at}
-            events.publish(now, "goal", f'{handle.id}: ends at ({x:.3f}, {y:.3f}, {yaw:.3f}) in "{frame}"', data)
-        what = call(motion, motion.describe, check=dict)
-        data = {**what, "id": handle.id, "name": motion.name, "frame": motion.frame, "at": now}
-        events.publish(now, "motion", f"{motion.name} begins", data)
+            text = f'{handle.id}: ends at ({x:.3f}, {y:.3f}, {yaw:.3f}) in "{frame}"'
+            self._events.publish(now, "goal", text, data)
+
+    def _publish_line(self, handle: MotionHandle, now: float) -> None:
+        motion = handle.motion
+        target, path = motion.target, motion.reference
         if path is not None:
             path = call(motion, lambda: path, check=checked_path)
         if path is not None and target is not None and path.length > 0.0:
             plan = self._output.tick.plan = Plan(Path(path.poses, motion.frame), 0.0, target)
-            events.plan(now, plan)
+            self._events.plan(now, plan)
 
     def _publish_end(self, handle: MotionHandle, now: float) -> None:
         events, error = self._events, handle.error
@@ -275,6 +289,8 @@ class MotionRunner:
             "message": "" if error is None else error.message,
             "text": handle.text if error is None else "",
         }
+        if error is not None and "collision_ahead" in error.data:
+            data["collision_ahead"] = error.data["collision_ahead"]
         name = handle.motion.name
         if handle.has_begun:
             events.publish(now, "motion", f"{name} ended", {**handle.data, "id": handle.id, "name": name})

@@ -421,7 +421,7 @@ class MoveBase:
         if self._accept_goal(now).error is not None:
             self._apply(NavEvent.GOAL_INVALID, now)
             return True
-        self._apply(NavEvent.REPLACED, now)
+        self._apply(NavEvent.GOAL_REPLACED, now)
         return False
 
     def _finish_goal(self, outcome: Outcome, now: float) -> None:

@@ -85,7 +85,7 @@ class NavEvent(Enum):
     __hash__ = object.__hash__
 
     GOAL_ACCEPTED = "a goal is accepted while idle"
-    REPLACED = "a new goal replaces the active goal"
+    GOAL_REPLACED = "a new goal replaces the active goal"
     GOAL_INVALID = "the accepted goal has an invalid quaternion or position"
     FRAME_CHANGED = "the global costmap has another frame"
     CANCELED = "the goal was canceled"
@@ -220,7 +220,7 @@ def _with_goal(mode: Mode) -> tuple[Transition, ...]:
     stop = (_A.STOP_IF_MOVING,) if mode is _M.CLEARING else ()
     restart = (_A.DROP_RECOVERY, *stop, *_NEW_GOAL)
     return (
-        Transition(mode, _E.REPLACED, _M.PLANNING, restart, index_rule=_I.RESET),
+        Transition(mode, _E.GOAL_REPLACED, _M.PLANNING, restart, index_rule=_I.RESET),
         Transition(mode, _E.FRAME_CHANGED, _M.PLANNING, restart, index_rule=_I.RESET),
         # ROS differs (parity 25): C++ leaves the planner running and the robot moving
         _end(mode, _E.GOAL_INVALID, _O.BAD_QUATERNION),

@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 def points_of(failure: Mapping[str, Any]) -> NDArray[np.float64]:
     """Return the places (n, 2) that the data of a planning error names."""
-    near, furthest = failure.get("nearest_reachable"), failure.get("furthest")
+    near, furthest, free = (failure.get(name) for name in ("nearest_reachable", "furthest", "nearest_free"))
     found = [(spot["x"], spot["y"]) for spot in failure.get("narrow", [])]
     found += _blocking(failure)
-    found += [tuple(place[:2]) for place in (near, furthest) if place is not None]
+    found += [tuple(place[:2]) for place in (near, furthest, free) if place is not None]
     return np.array(found, np.float64).reshape(-1, 2)
 
 
@@ -55,6 +55,9 @@ def draw_failure(axes: Axes, failure: Mapping[str, Any], footprint: Footprint | 
     if failure.get("nearest_reachable") is not None:
         near = np.array([failure["nearest_reachable"]], np.float64)
         entries.append((_draw_points(axes, near, "s", colors.ORANGE), "nearest place reached"))
+    if failure.get("nearest_free") is not None:
+        free = np.array([failure["nearest_free"][:2]], np.float64)
+        entries.append((_draw_points(axes, free, "s", colors.GREEN), "nearest free cell"))
     return entries
 
 
@@ -85,6 +88,8 @@ def _draw_points(axes: Axes, points: NDArray[np.float64], marker: str, color: st
     return marks
 
 
+_WIDEST = 4.8
+"""Line width of the first of several plans beyond that of the last (points): wider ones hide the map."""
 _UNREACHED = 1e9
 """Potentials from here on mark cells that the planner did not reach."""
 
@@ -152,7 +157,8 @@ def _draw_plans(axes: Axes, plans: Mapping[str, Plan], texts: Mapping[str, str])
             axes,
             plan.path.poses,
             colors.PLANS[i % len(colors.PLANS)],
-            width=2.4 + 1.6 * (len(plans) - 1 - i),  # the first plan is the widest: plans that coincide are stripes
+            # the first plan is the widest: plans that coincide are stripes
+            width=2.4 + min(1.6, _WIDEST / max(1, len(plans) - 1)) * (len(plans) - 1 - i),
             casing=i == 0,
             zorder=4 + 0.1 * i,
         )

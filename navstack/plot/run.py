@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Bounds, Event, Transform2D
+from navstack.core import Bounds, Event, Pose2D, Transform2D
 from navstack.plot import canvas, colors, drawing
 from navstack.plot.commands import draw_changed_commands, wheel_lines
 from navstack.plot.localization import draw_estimates
@@ -152,6 +152,7 @@ def plot_run(
         entries += draw_ends(picture.axes, record, picture.points_per_m)
         draw_changed_commands(picture.axes, record, entries)
         _draw_stalls(picture.axes, record, entries)
+        _draw_stops(picture.axes, record, entries)
         _draw_incidents(picture.axes, record, entries)
         picture.legend(entries + ground)
         return picture.finish(path, dpi)
@@ -391,6 +392,20 @@ def _draw_stalls(axes: Any, record: Record, entries: Entries) -> None:
             path_effects=[withStroke(linewidth=2.5, foreground="white")],
             zorder=9.8,
         )
+
+
+def _draw_stops(axes: Any, record: Record, entries: Entries) -> None:
+    """Draw the footprint where a motion that stopped would have hit an obstacle."""
+    outline: Any = None
+    for event in record.events_of("status"):
+        ahead = event.data.get("collision_ahead")
+        if ahead is None or not len(record.times):
+            continue
+        pose = Transform2D(*record.pose_at(event.time)).apply(Pose2D(*ahead))
+        outline = drawing.draw_footprint(axes, record.footprint, pose, zorder=6.0)
+        outline.set(edgecolor=colors.VERMILLION, facecolor="none", lw=1.8)
+    if outline is not None:
+        entries.append((outline, "stopped: obstacle ahead"))
 
 
 def _draw_incidents(axes: Axes, record: Record, entries: Entries) -> None:

@@ -70,13 +70,18 @@ def render_log(meta: dict[str, Any], events: list[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+class _Dumper(yaml.SafeDumper):
+    """Writes subclasses of str as texts: values of the command line know the option that they come from."""
+
+
+_Dumper.add_multi_representer(str, yaml.SafeDumper.represent_str)
+
+
 def _scenario(scenario: dict[str, Any]) -> Iterator[str]:
     """Yields the scenario as lines of YAML, its parameters last."""
     ordered = {key: value for key, value in scenario.items() if key != "parameters"}
     ordered |= {key: value for key, value in scenario.items() if key == "parameters"}
-    text = yaml.dump(
-        ordered, Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
-    )
+    text = yaml.dump(ordered, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
     return (f"#   {_one_line(line)}" for line in text.splitlines())
 
 

@@ -190,7 +190,7 @@ def time_left_bar(
         *columns, console=Console(stderr=True), transient=True, speed_estimate_period=600.0, disable=not shown
     )
     with bar:
-        task = bar.add_task("", total=total, completed=done, remark="")
+        task = bar.add_task("", total=total, completed=int(done), remark="")
         yield lambda now_done, remark: bar.update(task, completed=now_done, remark=remark)
 
 

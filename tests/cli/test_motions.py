@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -139,3 +140,19 @@ def test_a_tour_of_steps(capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert [goal["state"] for goal in found["goals"]] == [*["SUCCEEDED"] * 4, "ABORTED"]
     assert found["success_rate"] == 0.8
+
+
+def test_a_drive_that_does_not_start_shows_its_target_line_and_obstacle(capsys: pytest.CaptureFixture[str]) -> None:
+    from navstack.plot import plot_run
+
+    code, found = document(capsys, "drive-to", "6.2,12", "office", "--out", "stopped")
+    assert code == 1
+    assert found["goals"][0]["goal"][:2] == [6.2, 12.0]
+    assert found["goals"][0]["distance_left_m"] == pytest.approx(7.06, abs=0.01)
+    record = Record.load("stopped")
+    assert len(record.plans) == 1
+    (status,) = [e for e in record.events_of("status") if "collision_ahead" in e.data]
+    assert math.hypot(*status.data["collision_ahead"][:2]) == pytest.approx(1.07, abs=0.05)
+    axes = plot_run(record)
+    legend = axes.get_legend() or axes.figure.legends[0]
+    assert "stopped: obstacle ahead" in [text.get_text() for text in legend.get_texts()]

@@ -13,7 +13,7 @@ from navstack.move_base.states import ROWS, TABLE, Action, NavEvent, NavState, O
 EXPECTED_TABLE = """
 event                IDLE                  PLANNING             CONTROLLING          CLEARING
 GOAL_ACCEPTED        PLANNING/.            -                    -                    -
-REPLACED        -                     PLANNING/0           PLANNING/0           PLANNING/0
+GOAL_REPLACED        -                     PLANNING/0           PLANNING/0           PLANNING/0
 GOAL_INVALID         IDLE/./BAD_QUATERNION IDLE/0/BAD_QUATERNION IDLE/0/BAD_QUATERNION IDLE/0/BAD_QUATERNION
 FRAME_CHANGED        -                     PLANNING/0           PLANNING/0           PLANNING/0
 CANCELED             -                     IDLE/0/CANCELED      IDLE/0/CANCELED      IDLE/0/CANCELED
@@ -109,7 +109,7 @@ def test_rows_that_end_a_goal_stop_robot_and_planner() -> None:
 def test_rows_that_leave_controlling_stop_the_robot_except_for_a_new_goal() -> None:
     for row in ROWS:
         if row.mode is Mode.CONTROLLING and row.to is not Mode.CONTROLLING:
-            replaced = row.event in (NavEvent.REPLACED, NavEvent.FRAME_CHANGED)
+            replaced = row.event in (NavEvent.GOAL_REPLACED, NavEvent.FRAME_CHANGED)
             assert (Action.STOP in row.actions) != replaced, row
 
 

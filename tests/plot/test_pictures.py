@@ -628,3 +628,17 @@ def test_a_turn_in_place_is_told_in_degrees() -> None:
     record.poses[:, 2] = np.linspace(0.0, math.pi / 2, len(record.times))
     assert "turned 90 degrees in" in headline(record)
     assert " m in" not in headline(record)
+
+
+def test_a_refused_goal_shows_the_nearest_free_cell_and_many_plans_stay_thin() -> None:
+    from navstack.plot.plan import draw_failure, points_of
+
+    failure = {"nearest_free": [0.2, 0.3], "x": 0.0, "y": 0.0}
+    assert points_of(failure).tolist() == [[0.2, 0.3]]
+    axes = plot_costmap(Costmap(GridGeometry(10, 10, 0.1, 0.0, 0.0)))
+    assert [name for _, name in draw_failure(axes, failure, None)] == ["nearest free cell"]
+    line = Path(np.array([[0.1, 0.1, 0.0], [0.8, 0.8, 0.0]]))
+    plans = {f"planner {k}": Plan(line, 1.0, Pose2D(0.8, 0.8, 0.0)) for k in range(7)}
+    costmap = Costmap(GridGeometry(10, 10, 0.1, 0.0, 0.0))
+    drawn = plot_plan(costmap, plans, start=Pose2D(0.1, 0.1, 0.0), goal=Pose2D(0.8, 0.8, 0.0))
+    assert max(found.get_linewidth() for found in drawn.lines) <= 7.5
