@@ -126,7 +126,9 @@ class BehaviorRunner:
         except NavError as exc:
             return self.failure(exc)
         self._own_speeds = own_speeds(behavior.params)
-        if self._limits is None or self._limits.planner is not context.local_planner:
+        if not context:  # a motion without move_base, which sets its own speeds
+            self._limits = None
+        elif self._limits is None or self._limits.planner is not context.local_planner:
             self._limits = CommandLimits(context.local_planner)
         self._pace = self._make_pace(own or frequency, now)
         return None

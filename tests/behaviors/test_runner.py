@@ -63,6 +63,14 @@ def test_steps_are_due_at_the_behaviors_rate_or_the_default() -> None:
     assert spin.due == 0.125
 
 
+def test_without_move_base_a_motion_has_its_own_limits_only() -> None:
+    """As the nodes linear_move and radian_turn, which have no local planner."""
+    runner = BehaviorRunner(Schedule, plugin_calls.call)
+    fast = BehaviorStep(BehaviorStatus.RUNNING, Twist2D(3.0, 0.0, 0.0))
+    assert runner.start(Scripted(lambda now: fast), cast("BehaviorContext", None), 1.0, 5.0) is None
+    assert runner.step(lambda now: STATE, 1.0) == fast
+
+
 def test_what_a_behavior_says_at_its_end() -> None:
     done = started(lambda now: BehaviorStep(BehaviorStatus.DONE, text="it is done", data={"left_m": 0.5}))
     end = done.step(lambda now: STATE, 1.0)
