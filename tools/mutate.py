@@ -1,6 +1,6 @@
 """Change the product at random, one place at a time, and see whether the tests notice.
 
-    python tools/mutate.py [--count 100] [--seed 0] [--processes 1] [--within navstack/core] [--list]
+    python tools/mutate.py [--count 100] [--seed 0] [--processes 1] [--limit S] [--within navstack/core] [--list]
 
 A mutation turns around a comparison, an operator of arithmetic, a sign, `and` or `or`, or changes a constant, in a copy of the
 repository. The tests of the changed module run there until one fails: those that name it first, then its package's, then the
@@ -27,9 +27,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-TIME_LIMIT_S = 600.0
-"""Time for the tests of one mutation. One whose tests take longer is not decided and counts as a survivor."""
-
 COMPARISONS = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "=="}
 TURNED = {ast.Lt: ">", ast.LtE: ">", ast.Gt: "<", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="}
 ARITHMETIC = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "*", ast.Mod: "*"}
@@ -158,17 +155,15 @@ def tests_for(file: Path) -> list[str]:
     return [*first, *second, *third]
 
 
-def noticed(mutation: Mutation, folder: Path) -> tuple[bool, float]:
-    """Run the tests on a mutation in a copy of the repository; return whether one failed, and the seconds."""
+def noticed(mutation: Mutation, folder: Path, limit: float) -> tuple[bool, float]:
+    """Run the tests on a mutation in a copy for `limit` seconds at most; return whether one failed, and the seconds."""
     began = time.monotonic()
     mutation.apply(folder)
     try:
         command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"]
         command += ["-o", "addopts=--strict-markers", *tests_for(mutation.file)]
         environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, timeout=TIME_LIMIT_S, check=False
-        )
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=limit, check=False)
         return done.returncode not in (0, 5), time.monotonic() - began
     except subprocess.TimeoutExpired:
         return False, time.monotonic() - began
@@ -181,6 +176,9 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument(
+        "--limit", type=float, default=600.0, help="seconds for the tests of a mutation; without a failure, it survives"
+    )
     parser.add_argument("--within", type=Path, default=ROOT / "navstack")
     parser.add_argument("--list", action="store_true", help="print the mutations, run no tests")
     args = parser.parse_args()
@@ -205,7 +203,7 @@ def main() -> None:
 
         def work(number: int) -> None:
             for index in range(number, len(chosen), args.processes):
-                found, seconds = noticed(chosen[index], folders[number])
+                found, seconds = noticed(chosen[index], folders[number], args.limit)
                 if not found:
                     survivors.append(chosen[index])
                 print(
