@@ -163,8 +163,14 @@ def noticed(mutation: Mutation, folder: Path, limit: float) -> tuple[bool, float
         command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"]
         command += ["-o", "addopts=--strict-markers", *tests_for(mutation.file)]
         environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=limit, check=False)
-        return done.returncode not in (0, 5), time.monotonic() - began
+        for marker in ("not slow", "slow"):  # most mutations are noticed by a quick test
+            left = limit - (time.monotonic() - began)
+            done = subprocess.run(
+                [*command, "-m", marker], cwd=folder, env=environment, capture_output=True, timeout=left, check=False
+            )
+            if done.returncode not in (0, 5):
+                return True, time.monotonic() - began
+        return False, time.monotonic() - began
     except subprocess.TimeoutExpired:
         return False, time.monotonic() - began
     finally:
