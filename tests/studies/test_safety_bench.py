@@ -85,6 +85,7 @@ def test_commands_that_are_worse_than_a_stop_are_not_explained() -> None:
     assert not worse(Twist2D(-0.7), Twist2D(), overlapping)
 
 
+@pytest.mark.slow
 def test_tables(results: list[JobResult]) -> None:
     rates, causes, bounds = safety_tables(results)
     assert [row["scenes"] for row in rates.rows[-2:]] == [COUNT, COUNT]
