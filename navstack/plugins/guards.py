@@ -130,7 +130,7 @@ class CommandLimits:
         """Largest limits seen (m/s, rad/s)."""
 
     def check(self, plugin: object, command: Twist2D, velocity: Twist2D, own: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Raise InternalError for a command of `plugin` that is faster than the limits and the present `velocity`.
+        """Raise InternalError for a command of `plugin` that is faster than the limits and the current `velocity`.
 
         `own`: linear and angular speed (m/s, rad/s) that the parameters of the plugin allow, whatever the limits are.
         """
