@@ -1,11 +1,14 @@
 """Change the product at random, one place at a time, and see whether the tests notice.
 
-    python tools/mutate.py [--count 100] [--seed 0] [--processes 1] [--limit S] [--within navstack/core] [--list]
+    python tools/mutate.py --map build/calls        # once: which test calls which function (two processes)
+    python tools/mutate.py [--calls build/calls] [--count 100] [--seed 0] [--processes 1] [--limit S] [--within PATH] [--list]
 
 A mutation turns around a comparison, an operator of arithmetic, a sign, `and` or `or`, or changes a constant, in a copy of the
-repository. The tests of the changed module run there until one fails: those that name it first, then its package's, then the
-golden data and the other tests that use its package. A mutation that no test notices is a survivor; it is printed with file and
-line, before and after. Mutations that cannot change a result (annotations, texts of errors) are not made.
+repository. The tests run there until one fails. With the calls known, those that call the changed function run first: the quick
+ones first, and of these the ones that call the fewest functions. Then the files of tests run: those that name the module, then
+its package's, then the golden data and the others that use its package. Those that need a browser or ROS run if their variables
+are set, as in CI (NAVSTACK_ROS1_TESTS=1). A mutation that no test notices is a survivor; it is printed with file and line, before
+and after. Mutations that cannot change a result (annotations, texts of errors) are not made.
 
 Exit code 1 if more than five of a hundred survive.
 """
@@ -14,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import os
 import random
 import shutil
@@ -25,6 +29,10 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 COMPARISONS = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "=="}
@@ -140,11 +148,13 @@ def tests_for(file: Path) -> list[str]:
     first: list[str] = []
     second: list[str] = []
     third: list[str] = []
-    slow = {"browser", "ros1", "ros2"}
+    absent = {
+        folder for folder in ("browser", "ros1", "ros2") if os.environ.get(f"NAVSTACK_{folder.upper()}_TESTS") != "1"
+    }
     for test in sorted((ROOT / "tests").rglob("test_*.py")):
         relative = test.relative_to(ROOT)
         text = test.read_text(encoding="utf-8")
-        if relative.parts[1] in slow or test.name in ("test_architecture.py", "test_packaging.py"):
+        if relative.parts[1] in absent or test.name in ("test_architecture.py", "test_packaging.py"):
             continue
         if module in text or any(name in text for name in names):
             first.append(str(relative))
@@ -155,24 +165,172 @@ def tests_for(file: Path) -> list[str]:
     return [*first, *second, *third]
 
 
-def noticed(mutation: Mutation, folder: Path, limit: float) -> tuple[bool, float]:
-    """Run the tests on a mutation in a copy for `limit` seconds at most; return whether one failed, and the seconds."""
+# ----------------------------------------------------------------------------------------------------------------------
+# Which test calls which function. This file is then a plugin of pytest.
+
+CALLS_VARIABLE = "NAVSTACK_MUTATION_CALLS"
+"""The folder into which the processes of pytest write the calls."""
+_called: dict[str, set[str]] = {}
+"""Test -> functions, as `navstack/core/poses.py:Pose2D.distance`."""
+_current: set[str] = set()
+
+
+def _names_of_kernel(kernel: Any, known: dict[int, frozenset[str]]) -> frozenset[str]:
+    """Return the names of a kernel and of those that it calls, directly or not."""
+    if id(kernel) not in known:
+        known[id(kernel)] = frozenset()  # ends a recursion
+        code = kernel.function.__code__
+        names = {f"{_relative(code.co_filename)}:{code.co_qualname}"}
+        for callee in kernel.callees.values():
+            names |= _names_of_kernel(callee, known)
+        known[id(kernel)] = frozenset(names)
+    return known[id(kernel)]
+
+
+def _relative(file: str) -> str:
+    start = file.rfind("/navstack/")
+    return file[start + 1 :] if start >= 0 else ""
+
+
+def _record_kernels() -> None:
+    """Record calls of compiled functions, which no profile sees."""
+    from navstack.core.jit import Kernel
+
+    compiled = Kernel.compiled
+    known: dict[int, frozenset[str]] = {}
+    recorders: dict[int, Any] = {}
+
+    def recorder(self: Any) -> Any:
+        if id(self) not in recorders:
+            function = compiled(self)
+
+            def call(*args: Any, **kwargs: Any) -> Any:
+                _current.update(_names_of_kernel(self, known))
+                return function(*args, **kwargs)
+
+            recorders[id(self)] = call
+        return recorders[id(self)]
+
+    Kernel.compiled = recorder
+    Kernel.__call__ = lambda self, *args, **kwargs: recorder(self)(*args, **kwargs)
+    Kernel.dispatcher = property(compiled)  # type: ignore[assignment]
+
+
+def pytest_configure() -> None:
+    """Record kernels, where this file is a plugin."""
+    if os.environ.get(CALLS_VARIABLE):
+        _record_kernels()
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Record the functions of the product that a test calls."""
+    if not os.environ.get(CALLS_VARIABLE):
+        yield
+        return
+    codes: set[Any] = set()
+
+    def profile(frame: FrameType, event: str, _argument: object) -> None:
+        if event == "call":
+            codes.add(frame.f_code)
+
+    _current.clear()
+    sys.setprofile(profile)
+    try:
+        yield
+    finally:
+        sys.setprofile(None)
+    names = {f"{file}:{code.co_qualname}" for code in codes if (file := _relative(code.co_filename))}
+    _called[item.nodeid] = {name.split(".<locals>")[0] for name in names | _current}
+
+
+def pytest_sessionfinish() -> None:
+    """Write the calls of this process."""
+    if folder := os.environ.get(CALLS_VARIABLE):
+        text = json.dumps({test: sorted(names) for test, names in _called.items()})
+        (Path(folder) / f"{os.getpid()}.json").write_text(text)
+
+
+def record_calls(folder: Path) -> None:
+    """Run the tests and write which functions each calls."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    environment = {**os.environ, CALLS_VARIABLE: str(folder.resolve()), "PYTHONPATH": f"{ROOT}:{ROOT / 'tools'}"}
+    subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-n", "2", "-m", "not real", "-p", "mutate"],
+        cwd=ROOT,
+        env=environment,
+        check=False,
+    )
+
+
+def read_calls(folder: Path) -> dict[str, list[str]]:
+    """Return the tests of each function, those first that call the fewest functions."""
+    tests: dict[str, list[str]] = {}
+    for file in sorted(folder.glob("*.json")):
+        tests |= json.loads(file.read_text())
+    found: dict[str, list[str]] = {}
+    for test in sorted(tests, key=lambda name: (len(tests[name]), name)):
+        for function in tests[test]:
+            found.setdefault(function, []).append(test)
+    return found
+
+
+def function_of(mutation: Mutation) -> str:
+    """Return the function, method or class around a mutation, as the calls name it."""
+    node: ast.AST = ast.parse(mutation.file.read_text(encoding="utf-8"))
+    names: list[str] = []
+    while True:
+        inner = [
+            child
+            for child in ast.iter_child_nodes(node)
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.If | ast.With | ast.Try)
+            and child.lineno <= mutation.line <= (child.end_lineno or 0)
+        ]
+        if not inner:
+            break
+        node = inner[0]
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            names.append(node.name)
+        if not isinstance(node, ast.ClassDef | ast.If | ast.With | ast.Try):
+            break
+    return f"{mutation.file.relative_to(ROOT)}:{'.'.join(names)}"
+
+
+MOST_CALLERS = 150
+"""Tests that run first, of those that call a function: a function that all tests call is noticed by the first ones."""
+
+
+def noticed(mutation: Mutation, folder: Path, limit: float, calls: dict[str, list[str]]) -> tuple[str, float]:
+    """Run the tests on a mutation in a copy for `limit` seconds at most; return the test that failed, or "", and the seconds."""
     began = time.monotonic()
     mutation.apply(folder)
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    command += ["-o", "addopts=--strict-markers"]
+    callers = calls.get(function_of(mutation), [])[:MOST_CALLERS]
+    files = tests_for(mutation.file)
+    rounds = [["-m", m, *callers] for m in ("not slow", "slow")] if callers else []
+    # most mutations are noticed by a quick test; those of real programs wait in real time
+    rounds += [["-m", m, *files] for m in ("not slow and not real", "slow and not real", "real")]
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"]
-        command += ["-o", "addopts=--strict-markers", *tests_for(mutation.file)]
-        environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-        for marker in ("not slow", "slow"):  # most mutations are noticed by a quick test
+        for tests in rounds:
             left = limit - (time.monotonic() - began)
             done = subprocess.run(
-                [*command, "-m", marker], cwd=folder, env=environment, capture_output=True, timeout=left, check=False
+                [*command, *tests],
+                cwd=folder,
+                env=environment,
+                capture_output=True,
+                timeout=left,
+                check=False,
+                text=True,
             )
             if done.returncode not in (0, 5):
-                return True, time.monotonic() - began
-        return False, time.monotonic() - began
+                failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+                return (failed or ["the tests do not start"])[0][:100], time.monotonic() - began
+        return "", time.monotonic() - began
     except subprocess.TimeoutExpired:
-        return False, time.monotonic() - began
+        return "", time.monotonic() - began
     finally:
         mutation.undo(folder)
 
@@ -186,16 +344,26 @@ def main() -> None:
         "--limit", type=float, default=600.0, help="seconds for the tests of a mutation; without a failure, it survives"
     )
     parser.add_argument("--within", type=Path, default=ROOT / "navstack")
+    parser.add_argument("--map", type=Path, metavar="DIR", help="write which test calls which function, and stop")
+    parser.add_argument("--calls", type=Path, metavar="DIR", help="what --map has written")
+    parser.add_argument(
+        "--only", type=int, nargs="*", metavar="N", help="run these of the chosen mutations, as after a fix"
+    )
     parser.add_argument("--list", action="store_true", help="print the mutations, run no tests")
     args = parser.parse_args()
+    if args.map is not None:
+        record_calls(args.map)
+        return
+    calls = read_calls(args.calls) if args.calls is not None else {}
     chance = random.Random(args.seed)
     within = args.within.resolve()
     files = [within] if within.is_file() else sorted(within.rglob("*.py"))
     possible = [m for file in files if file.name != "__init__.py" for m in mutations_of(file, chance)]
     chosen = chance.sample(possible, min(args.count, len(possible)))
     print(f"{len(possible)} possible mutations, {len(chosen)} chosen with seed {args.seed}", flush=True)
+    numbers = [n - 1 for n in args.only] if args.only else list(range(len(chosen)))
     if args.list:
-        print("\n".join(map(str, chosen)))
+        print("\n".join(f"{n + 1:4} {chosen[n]}" for n in numbers))
         return
     ignore = shutil.ignore_patterns(".git", ".venv", "build", "__pycache__", ".pytest_cache", "navstack_*")
     survivors: list[Mutation] = []
@@ -208,19 +376,18 @@ def main() -> None:
                 (folders[-1].parent / "shared").symlink_to(shared)
 
         def work(number: int) -> None:
-            for index in range(number, len(chosen), args.processes):
-                found, seconds = noticed(chosen[index], folders[number], args.limit)
-                if not found:
+            for index in numbers[number :: args.processes]:
+                test, seconds = noticed(chosen[index], folders[number], args.limit, calls)
+                if not test:
                     survivors.append(chosen[index])
-                print(
-                    f"{index + 1:4} {'noticed ' if found else 'SURVIVED'} {seconds:6.0f} s  {chosen[index]}", flush=True
-                )
+                word = "noticed " if test else "SURVIVED"
+                print(f"{index + 1:4} {word} {seconds:6.0f} s  {chosen[index]}  {test}", flush=True)
 
         with ThreadPoolExecutor(args.processes) as pool:
             list(pool.map(work, range(args.processes)))
-    print(f"{len(chosen) - len(survivors)} of {len(chosen)} noticed; survivors:")
+    print(f"{len(numbers) - len(survivors)} of {len(numbers)} noticed; survivors:")
     print("\n".join(map(str, survivors)) or "none")
-    sys.exit(len(survivors) > 0.05 * len(chosen))
+    sys.exit(len(survivors) > 0.05 * len(numbers))
 
 
 if __name__ == "__main__":
