@@ -4,11 +4,12 @@
     python tools/mutate.py [--calls build/calls] [--count 100] [--seed 0] [--processes 1] [--limit S] [--within PATH] [--list]
 
 A mutation turns around a comparison, an operator of arithmetic, a sign, `and` or `or`, or changes a constant, in a copy of the
-repository. The tests run there until one fails. With the calls known, those that call the changed function run first: the quick
-ones first, and of these the ones that call the fewest functions. Then the files of tests run: those that name the module, then
-its package's, then the golden data and the others that use its package. Those that need a browser or ROS run if their variables
-are set, as in CI (NAVSTACK_ROS1_TESTS=1). A mutation that no test notices is a survivor; it is printed with file and line, before
-and after. Mutations that cannot change a result (annotations, texts of errors) are not made.
+repository. The tests run there until one fails. With the calls known, these are the tests that call the changed function, at most
+150: the quick ones first, and of these the ones that call the fewest functions. For code outside functions, and without known
+calls, they are the files of tests that name the module, then its package's, then the golden data and the others that use its
+package; those that need a browser or ROS run if their variables are set, as in CI (NAVSTACK_ROS1_TESTS=1). A mutation that no
+test notices is a survivor; it is printed with file and line, before and after. A test that hangs has noticed it. Mutations that
+cannot change a result (annotations, texts of errors) are not made.
 
 Exit code 1 if more than five of a hundred survive.
 """
@@ -18,8 +19,10 @@ from __future__ import annotations
 import argparse
 import ast
 import json
+import math
 import os
 import random
+import resource
 import shutil
 import subprocess
 import sys
@@ -264,6 +267,10 @@ def record_calls(folder: Path) -> None:
     )
 
 
+MOST_CALLERS = 150
+"""Tests of a function that run first: a mutation that the most specific ones do not notice, the others do not either."""
+
+
 def read_calls(folder: Path) -> dict[str, list[str]]:
     """Return the tests of each function, those first that call the fewest functions."""
     tests: dict[str, list[str]] = {}
@@ -272,7 +279,9 @@ def read_calls(folder: Path) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for test in sorted(tests, key=lambda name: (len(tests[name]), name)):
         for function in tests[test]:
-            found.setdefault(function, []).append(test)
+            callers = found.setdefault(function, [])
+            if len(callers) < MOST_CALLERS:
+                callers.append(test)
     return found
 
 
@@ -297,40 +306,61 @@ def function_of(mutation: Mutation) -> str:
     return f"{mutation.file.relative_to(ROOT)}:{'.'.join(names)}"
 
 
-MOST_CALLERS = 150
-"""Tests that run first, of those that call a function: a function that all tests call is noticed by the first ones."""
+def _run(command: list[str], folder: Path, cpu_s: float) -> tuple[int | None, str, float]:
+    """Run pytest in a copy; return its exit code (None at the limit), its output, and the seconds of the processor that it took.
+
+    Time of the processor, because other work on the machine must not decide; a mutation that waits ends by the clock.
+    """
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    with tempfile.TemporaryFile("w+") as output:
+        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=output, stderr=subprocess.STDOUT)
+        resource.prlimit(process.pid, resource.RLIMIT_CPU, (math.ceil(cpu_s), math.ceil(cpu_s) + 5))
+        end = time.monotonic() + 10.0 * cpu_s
+        while not (ended := os.wait4(process.pid, os.WNOHANG))[0]:
+            if time.monotonic() > end:
+                process.kill()
+            time.sleep(0.1)
+        process.returncode = os.waitstatus_to_exitcode(ended[1])
+        output.seek(0)
+        text = output.read()
+    return None if process.returncode < 0 else process.returncode, text, ended[2].ru_utime + ended[2].ru_stime
+
+
+HANGS: float = 0.1
+"""A test that ends in this share of the limit without the mutation, and not in the rest of the limit with it, has noticed it."""
+
+
+def _last_started(output: str) -> str:
+    """Return the test that ran when pytest -v was stopped, or ""."""
+    last = output.rpartition("\n")[2].strip()  # a line ends with the outcome
+    return last if "::" in last else ""
 
 
 def noticed(mutation: Mutation, folder: Path, limit: float, calls: dict[str, list[str]]) -> tuple[str, float]:
     """Run the tests on a mutation in a copy for `limit` seconds at most; return the test that failed, or "", and the seconds."""
-    began = time.monotonic()
     mutation.apply(folder)
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    command = [sys.executable, "-u", "-m", "pytest", "-v", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"]
     command += ["-o", "addopts=--strict-markers"]
-    callers = calls.get(function_of(mutation), [])[:MOST_CALLERS]
+    callers = calls.get(function_of(mutation), [])
     files = tests_for(mutation.file)
-    rounds = [["-m", m, *callers] for m in ("not slow", "slow")] if callers else []
-    # most mutations are noticed by a quick test; those of real programs wait in real time
-    rounds += [["-m", m, *files] for m in ("not slow and not real", "slow and not real", "real")]
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    chosen, markers = (
+        (callers, ("not slow", "slow")) if callers else (files, ("not slow and not real", "slow and not real", "real"))
+    )
+    rounds = [["-m", marker, *chosen] for marker in markers]  # most mutations are noticed by a quick test
+    spent = 0.0
     try:
         for tests in rounds:
-            left = limit - (time.monotonic() - began)
-            done = subprocess.run(
-                [*command, *tests],
-                cwd=folder,
-                env=environment,
-                capture_output=True,
-                timeout=left,
-                check=False,
-                text=True,
-            )
-            if done.returncode not in (0, 5):
-                failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-                return (failed or ["the tests do not start"])[0][:100], time.monotonic() - began
-        return "", time.monotonic() - began
-    except subprocess.TimeoutExpired:
-        return "", time.monotonic() - began
+            code, output, seconds = _run([*command, *tests], folder, max(1.0, limit - spent))
+            spent += seconds
+            if code is None:
+                mutation.undo(folder)
+                hanging = _last_started(output)
+                without, _, seconds = _run([*command, hanging], folder, HANGS * limit) if hanging else (None, "", 0.0)
+                return (f"HANGS {hanging}" if without == 0 else ""), spent + seconds
+            if code not in (0, 5):
+                failed = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
+                return (failed or ["the tests do not start"])[0][:100], spent
+        return "", spent
     finally:
         mutation.undo(folder)
 
@@ -341,7 +371,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument(
-        "--limit", type=float, default=600.0, help="seconds for the tests of a mutation; without a failure, it survives"
+        "--limit",
+        type=float,
+        default=600.0,
+        help="seconds of the processor for the tests of a mutation; without a failure in them, it survives",
     )
     parser.add_argument("--within", type=Path, default=ROOT / "navstack")
     parser.add_argument("--map", type=Path, metavar="DIR", help="write which test calls which function, and stop")
