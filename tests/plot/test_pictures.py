@@ -613,6 +613,13 @@ def test_turning_in_place_and_standing_are_marked() -> None:
     assert f"turned in place ({times[-1]:.0f} s)" in [t.get_text() for t in legend.get_texts()]
 
 
+def test_stalls_at_one_place_are_one_mark() -> None:
+    from navstack.plot.run import Stall, _merged  # pyright: ignore[reportPrivateUsage]
+
+    stalls = [Stall(0.0, 5.0, 1.0, 1.0, 2.0), Stall(9.0, 12.0, 1.05, 1.0, 0.5), Stall(20.0, 24.0, 3.0, 1.0, 4.0)]
+    assert _merged(stalls) == [Stall(0.0, 8.0, 1.0, 1.0, 2.5), stalls[2]]
+
+
 def test_the_legend_has_unknown_cells_only_where_there_are_some() -> None:
     from navstack.plot.picture import occupancy_legend
 

@@ -8,6 +8,7 @@ import signal
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import navstack as nav
@@ -17,7 +18,7 @@ from navstack.map_io import map_names, map_path
 from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, drive_tour, run_scenario
-from navstack.scenario.outcome import advice_for
+from navstack.scenario.outcome import MUCH_TURNING, MUCH_TURNING_S, advice_for
 from navstack.scenario.places import load_places, visit_order
 from navstack.scenario.tour import TourState
 
@@ -248,4 +249,7 @@ def test_long_turns_in_place_are_a_possible_cause_even_if_every_goal_was_reached
     (advice,) = advice_for(turning, ())
     assert advice.startswith("the robot turned in place for 48 s of 135 s; navstack doctor ")
     assert advice_for(replace(turning, turning_s=14.0), ()) == ()
+    at_most = max(MUCH_TURNING_S, MUCH_TURNING * 135.0)
+    assert advice_for(replace(turning, turning_s=at_most), ()) == ()
+    assert advice_for(replace(turning, turning_s=np.nextafter(at_most, 99.0)), ())
     assert advice_for(replace(turning, state_s={"MOTION": 50.0}), ()) == ()
