@@ -326,8 +326,12 @@ def _run(command: list[str], folder: Path, cpu_s: float) -> tuple[int | None, st
     return None if process.returncode < 0 else process.returncode, text, ended[2].ru_utime + ended[2].ru_stime
 
 
-HANGS: float = 0.1
-"""A test that ends in this share of the limit without the mutation, and not in the rest of the limit with it, has noticed it."""
+def _hangs(mutation: Mutation, folder: Path, command: list[str], test: str, limit: float) -> str:
+    """Return the test that ran at the limit if alone it takes ten times as long with the mutation as it may take without."""
+    if not test or _run([*command, test], folder, limit)[0] is not None:
+        return ""
+    mutation.undo(folder)
+    return f"HANGS {test}" if _run([*command, test], folder, limit / 10.0)[0] == 0 else ""
 
 
 def _last_started(output: str) -> str:
@@ -353,10 +357,7 @@ def noticed(mutation: Mutation, folder: Path, limit: float, calls: dict[str, lis
             code, output, seconds = _run([*command, *tests], folder, max(1.0, limit - spent))
             spent += seconds
             if code is None:
-                mutation.undo(folder)
-                hanging = _last_started(output)
-                without, _, seconds = _run([*command, hanging], folder, HANGS * limit) if hanging else (None, "", 0.0)
-                return (f"HANGS {hanging}" if without == 0 else ""), spent + seconds
+                return _hangs(mutation, folder, command, _last_started(output), limit), spent
             if code not in (0, 5):
                 failed = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
                 return (failed or ["the tests do not start"])[0][:100], spent

@@ -322,10 +322,10 @@ class Validator:
             self.add_finding(strictness, "wrong-type", node.at, path, f"{name} is not a number (nan); {expected(info)}")
         too_large = _beyond(value)
         if too_large is not None:
-            message = (
-                f"{name} = {short_repr(too_large)} is out of range: sums and products of numbers beyond {MAX_NUMBER:g} "
-                f"overflow; {expected(info)}"
-            )
+            why = f"sums and products of numbers beyond {MAX_NUMBER:g} overflow"
+            if isinstance(too_large, int):
+                why = "an integer has 64 bits"
+            message = f"{name} = {short_repr(too_large)} is out of range: {why}; {expected(info)}"
             self.add_finding(strictness, "out-of-range", node.at, path, message)
         in_use = strictness == "error"
         if (

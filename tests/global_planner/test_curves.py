@@ -69,6 +69,16 @@ def test_brute_force_over_words(reverse: bool) -> None:
     assert np.abs(curve_lengths(np.zeros_like(goals), goals, 1.0, reverse=reverse) - shortest).max() < 1e-9
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("reverse", [False, True])
+def test_brute_force_where_segments_have_no_length(reverse: bool) -> None:
+    """Goals on a lattice of half radii and quarter turns: there, words pass into each other and rounding decides their signs."""
+    steps = np.arange(-8, 9) * 0.5
+    goals = np.array([(x, y, k * PI / 2) for x in steps for y in steps for k in (-1, 0, 1, 2)])
+    shortest = (brute_force.reeds_shepp if reverse else brute_force.dubins)(*goals.T)
+    assert np.abs(curve_lengths(np.zeros_like(goals), goals, 1.0, reverse=reverse) - shortest).max() < 1e-8
+
+
 @pytest.mark.parametrize("name", ["dubins", "reeds_shepp"])
 def test_lengths_of_ompl(name: str) -> None:
     files = golden_nav2_files("tables.npz")

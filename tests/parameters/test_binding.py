@@ -159,6 +159,7 @@ def test_lists_tuples_unions_and_entries() -> None:
         ({"rate": 0.0}, "out-of-range", "rate", ("greater than 0",)),
         ({"samples": "3"}, "wrong-type", "samples", ("quotes",)),
         ({"samples": 0}, "out-of-range", "samples", ("at least 1",)),
+        ({"samples": 2**63}, "out-of-range", "samples", ("9223372036854775808", "64 bits")),
         ({"on": 1}, "wrong-type", "on", ("true or false", "ROS ignores it")),
         ({"mode": "c"}, "wrong-value", "mode", ('"c"', '"a" or "b"')),
         ({"names": 3}, "wrong-type", "names", ("3", "text")),
