@@ -274,7 +274,7 @@ def _needs(log: Log, info: LogInfo) -> list[Need]:
     sensors = log.topics_of(ros.SCAN, *ros.CLOUDS, ros.RANGE)
     odometry = [topic for topic in log.topics_of(ros.ODOMETRY) if topic != "/base_pose_ground_truth"]
     maps = [topic for topic in log.topics_of(ros.MAP) if "costmap" not in topic]
-    goals = [t for t in log.topics_of(ros.POSE, ros.ACTION_GOAL) if t.endswith("goal") or t == "/goal_pose"]
+    goals = [t for t in log.topics_of(ros.POSE, ros.ACTION_GOAL) if t.endswith(("goal", "/goal_pose"))]
     commands = [topic for topic in log.topics_of(ros.TWIST, ros.TWIST_STAMPED) if "cmd_vel" in topic]
     children = {edge.child: edge.parent for edge in info.transforms}
     needs = [
