@@ -128,7 +128,7 @@ _PURSUIT: Final[Mapping[str, Range | Choice]] = {
 }
 _SHIM: Final[Mapping[str, Range | Choice]] = {
     "angular_dist_threshold": Range(0.4, 1.5, 0.785),
-    "angular_disengage_threshold": Range(0.05, 0.39, 0.3925),
+    "angular_disengage_threshold": Range(0.05, 0.4, 0.3925),
     "forward_sampling_distance": Range(0.2, 1.0, 0.5),
     "rotate_to_heading_angular_vel": Range(0.4, 1.8, 1.8, robot=True),
     **{f"primary_controller/{name}": default for name, default in _PURSUIT.items() if "rotate" not in name},

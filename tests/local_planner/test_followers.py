@@ -408,6 +408,26 @@ def under_the_footprint(trajectory: Any, steps: int) -> set[tuple[float, float]]
     return found
 
 
+def test_graceful_turns_in_place_only_if_no_corner_passes_an_obstacle() -> None:
+    """A long robot at its goal turns by 2 rad past an obstacle that it would touch only halfway."""
+    controller = GracefulController(GracefulParams(v_angular_max=2.0, in_place_collision_resolution=5.0))
+    plan = Path(np.array([(-0.05 * k, 0.0, 2.0) for k in range(21)][::-1]), "odom")
+
+    def turns(*marks: tuple[float, float]) -> bool:
+        controller.reset()
+        controller.set_plan(plan, Pose2D(0.0, 0.0, 2.0))
+        try:
+            command = controller.compute_command(
+                replace(control_input(Pose2D(0.0, 0.0), Twist2D(), marks), footprint=LONG)
+            ).command
+        except NoValidControlError:
+            return False
+        return command.vx == 0.0 and command.wz > 0.0
+
+    assert turns() and turns((0.9, 0.9))
+    assert not turns((0.5, 0.7))
+
+
 def test_graceful_sees_what_is_between_its_poses() -> None:
     """In the initial turn, corners of a long robot move by up to four cells per simulated step."""
     controller = GracefulController(GracefulParams(v_angular_max=2.0))

@@ -7,7 +7,13 @@ import pytest
 from navstack.core import InputError
 from navstack.parameters import Configuration, load_configuration, parameters_of
 from navstack.studies.search_space import candidates
-from navstack.studies.search_space_parser import default_space, parse_search_space
+from navstack.studies.search_space_parser import (
+    GLOBAL_PLANNERS,
+    LOCAL_PLANNERS,
+    Range,
+    default_space,
+    parse_search_space,
+)
 
 INFLATION = "inflation_layer/inflation_radius"
 
@@ -28,6 +34,16 @@ def test_default_space_covers_planner_and_costmaps_and_loads(turtlebot: Configur
     assert by_name["DWAPlannerROS/max_vel_x"].ties == (("DWAPlannerROS/max_vel_trans", 1.0),)
     for candidate in (space.present(), space.start(), *candidates(space, "lhs", samples=5, points=1, seed=0)):
         load_configuration(["turtlebot"], overrides=space.overrides(candidate))
+
+
+@pytest.mark.parametrize("plugin", [*LOCAL_PLANNERS, *GLOBAL_PLANNERS])
+def test_a_search_starts_inside_its_ranges(plugin: str) -> None:
+    for name, values in {**LOCAL_PLANNERS, **GLOBAL_PLANNERS}[plugin].items():
+        if isinstance(values, Range):
+            assert values.low <= values.start <= values.high, name
+            assert values.low > 0.0 or not values.log, name
+        else:
+            assert values.start in values.values, name
 
 
 def test_default_space_of_mppi() -> None:
