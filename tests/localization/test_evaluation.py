@@ -11,11 +11,12 @@ import pytest
 from PIL import Image
 
 from navstack.cli.app import run
-from navstack.core import InputError, LogError, Transform2D
-from navstack.localization.evaluation import follow
+from navstack.core import InputError, LogError, Pose2D, Transform2D
+from navstack.localization.evaluation import SURE_M, follow, is_sure
 from navstack.localization.methods import Method, methods
 from navstack.logs import logged_scans, open_scan_log
 from navstack.map_io import load_map
+from navstack.plugins import PoseEstimate
 from tests.localization.rooms import rooms
 from tests.logs.carmen_files import circle, write_corrected_log
 
@@ -102,3 +103,18 @@ def test_a_drive_without_reference_needs_a_pose(log_file: Path) -> None:
         follow([dataclasses.replace(frames[0], reference=None)], localizer)
     with pytest.raises(LogError, match="no scan"):
         follow([], localizer)
+
+
+def test_an_estimate_without_a_verdict_is_sure_by_the_spread_of_its_position() -> None:
+    """Both axes count, and the yaw does not."""
+
+    def sure(xx: float, yy: float, xy: float = 0.0, **details: bool) -> bool:
+        covariance = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, 9.0]])
+        return is_sure(PoseEstimate(Pose2D(0.0, 0.0), covariance, Transform2D(), 0.0, dict(details)))
+
+    half = 0.5 * SURE_M**2
+    assert sure(0.9 * half, 0.9 * half)
+    assert not sure(1.1 * half, 1.1 * half)
+    assert not sure(2.1 * half, 0.0) and not sure(0.0, 2.1 * half)
+    assert sure(0.9 * half, 0.9 * half, xy=0.9 * half)
+    assert not sure(0.0, 0.0, lost=True) and not sure(0.0, 0.0, certain=False) and sure(9.0, 9.0, certain=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from navstack.logs.contents import _needs  # pyright: ignore[reportPrivateUsage]
+from navstack.logs.contents import _Collector, _needs  # pyright: ignore[reportPrivateUsage]
 
 POSE = "geometry_msgs/msg/PoseStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -40,3 +40,22 @@ def test_topics_that_look_alike_do_not_count() -> None:
         (True, "/map"),
         (True, "/cmd_vel_mux/cmd_vel"),
     ]
+
+
+def test_a_transform_is_static_if_no_message_of_tf_has_it() -> None:
+    """Some robots send a frame both latched and every cycle."""
+    collector: Any = _Collector(SimpleNamespace(channels=(), start_ns=0))  # pyright: ignore[reportArgumentType]
+
+    def add(topic: str, child: str) -> None:
+        stamp = SimpleNamespace(sec=1, nanosec=0)
+        edge = SimpleNamespace(header=SimpleNamespace(frame_id="base_link", stamp=stamp), child_frame_id=child)
+        collector._add_transforms(SimpleNamespace(topic=topic, data=SimpleNamespace(transforms=[edge])))
+
+    for topic, child in (("/tf_static", "laser"), ("/tf", "wheel"), ("/tf_static", "both"), ("/tf", "both")):
+        add(topic, child)
+    add("/tf_static", "wheel")
+    assert {child: edge.is_static for child, edge in collector._edges.items()} == {
+        "laser": True,
+        "wheel": False,
+        "both": False,
+    }
