@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Collection
 from typing import Any, Final
 
+from navstack.core import compilation_reported
 from navstack.parameters import CameraParams
+from navstack.ros1 import ros
 from navstack.ros_messages import MessageBuilder, Quaternion, multiply, quaternion_of_yaw
 from navstack.sim import SimulatedRobot
 
@@ -69,10 +71,15 @@ class CameraTopics:
         wanted = [part for part, publisher in self._images.items() if publisher.get_num_connections()]
         if not wanted:
             return
-        picture = robot.camera(self._name)
+        with compilation_reported(_announce_compilation):
+            picture = robot.camera(self._name)
         for part in wanted:
             encoding, pixels = "rgb8", picture.rgb
             if part == "depth":
                 encoding = p.depth_encoding
                 pixels = picture.depth if encoding == "32FC1" else picture.depth_mm
             self._images[part].publish(build.image(stamp_ns, self.optical_frame(part), encoding, pixels))
+
+
+def _announce_compilation() -> None:
+    ros.rospy().loginfo("compiling the kernels of the camera, once per machine; the simulation waits for some seconds")
