@@ -54,8 +54,8 @@ _COLORS: Final = np.array(
     ],
     np.float64,
 )
-_OBSTACLES: Final = 8
-"""Row of `_COLORS` with the first color of obstacles."""
+_HAZE, _SKY, _FLOOR, _MAP_WALL, _TROUSERS, _SHIRT, _HEAD, _DOOR, _OBSTACLES = range(9)
+"""Rows of `_COLORS`; that of the obstacles is their first."""
 _BELT, _NECK = 0.48, 0.84
 """Ends of a person's trousers and shirt, as fractions of the height."""
 _BASEBOARD_M: Final = 0.06
@@ -72,9 +72,9 @@ def shaded(colors, row, light, distance):
     clear = math.exp(-distance / _FADE_M)
     haze = 1.0 - clear
     return (
-        np.uint8(clear * light * colors[row, 0] + haze * colors[0, 0] + 0.5),
-        np.uint8(clear * light * colors[row, 1] + haze * colors[0, 1] + 0.5),
-        np.uint8(clear * light * colors[row, 2] + haze * colors[0, 2] + 0.5),
+        np.uint8(clear * light * colors[row, 0] + haze * colors[_HAZE, 0] + 0.5),
+        np.uint8(clear * light * colors[row, 1] + haze * colors[_HAZE, 1] + 0.5),
+        np.uint8(clear * light * colors[row, 2] + haze * colors[_HAZE, 2] + 0.5),
     )
 
 
@@ -93,12 +93,12 @@ def draw_background(rgb, depth, view, colors):
         below = v - view.center_v
         z = view.focal * view.z / below if below > 0.0 else math.inf
         if below > 0.0:
-            r, g, b = shaded(colors, 2, 1.0, z)
+            r, g, b = shaded(colors, _FLOOR, 1.0, z)
         else:
             up = min(-below / view.focal * 2.0, 1.0)
-            r = np.uint8(colors[0, 0] + up * (colors[1, 0] - colors[0, 0]))
-            g = np.uint8(colors[0, 1] + up * (colors[1, 1] - colors[0, 1]))
-            b = np.uint8(colors[0, 2] + up * (colors[1, 2] - colors[0, 2]))
+            r = np.uint8(colors[_HAZE, 0] + up * (colors[_SKY, 0] - colors[_HAZE, 0]))
+            g = np.uint8(colors[_HAZE, 1] + up * (colors[_SKY, 1] - colors[_HAZE, 1]))
+            b = np.uint8(colors[_HAZE, 2] + up * (colors[_SKY, 2] - colors[_HAZE, 2]))
         for u in range(columns):
             rgb[v, u, 0], rgb[v, u, 1], rgb[v, u, 2] = r, g, b
             depth[v, u] = z
@@ -140,9 +140,9 @@ def draw_solid(rgb, depth, u, view, kind, row, top, near, far, cosine, light, co
     """Draw a solid in column `u` between the distances `near` and `far` (m) along the ray; `row`: its color."""
     z = near * cosine
     if kind == PERSON:
-        draw_face(rgb, depth, u, view, 0.0, _BELT * top, z, shaded(colors, 4, light, near))
-        draw_face(rgb, depth, u, view, _BELT * top, _NECK * top, z, shaded(colors, 5, light, near))
-        draw_face(rgb, depth, u, view, _NECK * top, top, z, shaded(colors, 6, light, near))
+        draw_face(rgb, depth, u, view, 0.0, _BELT * top, z, shaded(colors, _TROUSERS, light, near))
+        draw_face(rgb, depth, u, view, _BELT * top, _NECK * top, z, shaded(colors, _SHIRT, light, near))
+        draw_face(rgb, depth, u, view, _NECK * top, top, z, shaded(colors, _HEAD, light, near))
     else:
         draw_face(rgb, depth, u, view, 0.0, top, z, shaded(colors, row, light, near))
     if top < view.z:
@@ -174,8 +174,8 @@ def draw_walls(rgb, depth, leaps, grid, eye, view, colors):
         light = light_on(c * mx - s * my, s * mx + c * my)
         t *= resolution
         foot = min(_BASEBOARD_M, view.wall_height)
-        draw_face(rgb, depth, u, view, 0.0, foot, t * cosine, shaded(colors, 3, 0.62 * light, t))
-        draw_face(rgb, depth, u, view, foot, view.wall_height, t * cosine, shaded(colors, 3, light, t))
+        draw_face(rgb, depth, u, view, 0.0, foot, t * cosine, shaded(colors, _MAP_WALL, 0.62 * light, t))
+        draw_face(rgb, depth, u, view, foot, view.wall_height, t * cosine, shaded(colors, _MAP_WALL, light, t))
 
 
 @kernel
@@ -281,7 +281,9 @@ def draw(rgb, depth, leaps, grid, discs, circles, corners, first, tops, kinds, e
     draw_walls(rgb, depth, leaps, grid, eye, view, colors)
     count = discs.shape[0]
     for k in range(count + circles.shape[0]):
-        row = 7 if kinds[k] == WALL else _OBSTACLES + k % (colors.shape[0] - _OBSTACLES)
+        row = _OBSTACLES + k % (colors.shape[0] - _OBSTACLES)
+        if kinds[k] != OBSTACLE:
+            row = _HEAD if kinds[k] == PERSON else _DOOR
         if k < count:
             draw_disc(rgb, depth, discs[k], eye, view, kinds[k], row, tops[k], colors)
         else:

@@ -40,7 +40,8 @@ ROOM = World(ascii_map("\n".join(["      #"] * 7)))
 
 def params(**values: Any) -> CameraParams:
     """A camera at the robot's center."""
-    return CameraParams(**{"x": 0.0, "range_min": 0.0, "range_max": 1e3, "width": 320, "height": 241, **values})
+    chosen: dict[str, Any] = {"x": 0.0, "range_min": 0.0, "range_max": 1e3, "width": 320, "height": 241, **values}
+    return CameraParams(**chosen)
 
 
 def looked(p: CameraParams, world: World = ROOM, eye: Pose2D = EYE) -> CameraImage:
@@ -49,7 +50,8 @@ def looked(p: CameraParams, world: World = ROOM, eye: Pose2D = EYE) -> CameraIma
 
 def asides(p: CameraParams) -> NDArray[np.float64]:
     """(width,) tangent of the direction of each column, to the left."""
-    return (p.image_center[0] - np.arange(p.width)) / p.focal_length
+    columns: NDArray[np.float64] = np.arange(p.width, dtype=np.float64)
+    return (p.image_center[0] - columns) / p.focal_length
 
 
 def test_the_depth_of_a_wall_is_its_distance_along_the_axis() -> None:
@@ -203,6 +205,9 @@ def test_people_and_shapes_are_seen_with_their_heights() -> None:
     assert rows[0] == math.ceil(p.image_center[1] - p.focal_length * (p.person_height - p.z) / near)
     colors = {tuple(color) for color in image.rgb[rows, 320].tolist()}
     assert len(colors) == 3  # trousers, shirt, head
+    above = Camera(params(z=2.2)).image(robot.world, Pose2D(2.5, 3.5), 0.0, robot.solids, people=1)
+    r, g, b = above.rgb[np.abs(above.depth - 2.0) < 0.1].mean(axis=0)  # the top of the head
+    assert r > g > b and r > 180.0
     differs = (image.rgb != empty.rgb).any(axis=2)
     box = np.flatnonzero(differs[:, : 320 - 60].any(axis=1))
     edge = 3.5 - 0.25 - 0.6  # the front of the box
