@@ -157,12 +157,8 @@ def march(world: World, p: CameraParams, eye: Pose2D, u: NDArray[Any], v: NDArra
     return np.where(hit.any(axis=1), t[hit.argmax(axis=1)], np.inf)
 
 
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("z", [0.4, 1.3])
-def test_every_pixel_has_the_depth_of_its_ray_in_space(seed: int, z: float) -> None:
-    """Also where low obstacles hide one another and show their tops. The ray marcher misses corners shorter than its step."""
-    world, p = scene(seed), params(z=z, width=64, height=49)
-    eye = eye_in(world, seed)
+def compare_with_rays(world: World, p: CameraParams, eye: Pose2D, seed: int) -> None:
+    """The ray marcher misses corners shorter than its step."""
     rng = np.random.default_rng(seed)
     u, v = rng.integers(0, p.width, 150), rng.integers(0, p.height, 150)
     seen, expected = looked(p, world, eye).depth[v, u].astype(float), march(world, p, eye, u, v)
@@ -171,6 +167,23 @@ def test_every_pixel_has_the_depth_of_its_ray_in_space(seed: int, z: float) -> N
     with np.errstate(invalid="ignore"):
         right = (seen == expected) | ((seen <= expected + 1e-6) & (expected - seen <= STEP + 1e-6))
     assert (~right).sum() <= 2 and np.isfinite(seen).sum() > 50
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("z", [0.4, 1.3])
+def test_every_pixel_has_the_depth_of_its_ray_in_space(seed: int, z: float) -> None:
+    """Also where low obstacles hide one another and show their tops."""
+    world = scene(seed)
+    compare_with_rays(world, params(z=z, width=64, height=49), eye_in(world, seed), seed)
+
+
+@pytest.mark.parametrize("x", [-1.0, 0.25])
+@pytest.mark.parametrize("z", [0.4, 1.0])
+def test_both_arms_of_a_horseshoe_are_seen_from_outside_and_from_above(x: float, z: float) -> None:
+    """A ray crosses the first arm, the gap and the second arm; or it begins above the first one."""
+    corners = [[0.0, 0.0], [0.5, 0.0], [0.5, 1.5], [1.5, 1.5], [1.5, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+    world = World(ROOM.map, shapes=[Shape(polygon=corners, pose=[2.0, 2.5, 0.0], height=0.3)])
+    compare_with_rays(world, params(z=z, width=64, height=97, horizontal_fov=0.9), Pose2D(2.0 + x, 3.2, 0.0), 0)
 
 
 @settings(max_examples=60, deadline=None)
