@@ -6,6 +6,7 @@ packages=(
   python3-rospy python3-rosmaster python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
   python3-rosparam rosout python3-actionlib python3-move-base-msgs python3-map-msgs python3-trajectory-msgs
   python3-visualization-msgs python3-diagnostic-msgs python3-std-srvs python3-dynamic-reconfigure python3-tf2-ros python3-tf
+  python3-sensor-msgs python3-cv-bridge
   rviz xvfb xdotool
 )
 missing=()

@@ -54,7 +54,9 @@ class Layers(_Request):
     """Which layers the page shows, and at most how many frames per second it takes."""
 
     type: Literal["layers"]
-    layers: Annotated[list[Literal["global", "local", "scan", "trajectories", "potential"]], Field(max_length=5)]
+    layers: Annotated[
+        list[Literal["global", "local", "scan", "trajectories", "potential", "camera"]], Field(max_length=6)
+    ]
     rate: Annotated[float, Field(ge=1.0, le=60.0)] = 30.0
 
 

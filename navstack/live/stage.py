@@ -55,6 +55,7 @@ from navstack.live.checkpoints import Twin
 from navstack.live.map_edits import edited_map
 from navstack.live.messages import PROTOCOL, Frame
 from navstack.live.session import Session
+from navstack.live.view import has_camera
 from navstack.map_io import map_names, save_map
 from navstack.parameters import Configuration, load_configuration, packaged_sets
 from navstack.record import Record
@@ -521,6 +522,7 @@ def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
         "teleop": {"moves": MOVE_KEYS, "speeds": SPEED_KEYS, "speed": START_SPEED, "turn": START_TURN},
         "places": _places(session.origin.map_file),
         "labels": list(stage.options.labels),
+        "camera": has_camera(robot),
         "read_only": read_only,
         "fixed": stage.options.fixed,
         "save_to": str(stage.options.save_to) if stage.options.save_to is not None else None,

@@ -15,7 +15,7 @@ from navstack.live.session import Session
 from navstack.move_base import plugin_calls
 from navstack.plugins import LocalPlanner
 from navstack.record import SteeredBase, copy_changed_window
-from navstack.sim import PedestrianMotion, Shape
+from navstack.sim import PedestrianMotion, Shape, SimulatedRobot
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The part of a costmap that has changed since a page saw it last.
@@ -186,7 +186,52 @@ def trajectories_of(planner: LocalPlanner, frame: Frame) -> dict[str, Any] | Non
     }
 
 
-LAYERS: Final = ("global", "local", "scan", "trajectories", "potential")
+# ----------------------------------------------------------------------------------------------------------------------
+# What the camera of the robot sees, as a small picture.
+
+
+CAMERA_WIDTH: Final = 320
+"""Pixels per row of the picture."""
+
+
+class CameraView:
+    """The picture of the first camera as one page knows it."""
+
+    def __init__(self) -> None:
+        self._shown: tuple[Any, ...] = ()
+        self._time = math.inf
+
+    def clear(self) -> None:
+        """Lets the next update contain a picture."""
+        self._shown = ()
+
+    def update(self, session: Session, frame: Frame) -> dict[str, Any] | None:
+        """Returns the entry of the header when the next picture is due: an image (ny, nx, 3) u1, the first row at the top.
+
+        None before, and for a robot without a camera.
+        """
+        robot: Any = session.run.robot
+        if not has_camera(robot):
+            return None
+        shown = (session.restarts, session.changes, session.is_done, session.is_seeking)
+        period = 1.0 / robot.params.camera(robot.params.cameras[0]).frequency
+        if shown == self._shown and abs(robot.time - self._time) < period - 1e-9:
+            return None
+        self._shown, self._time = shown, robot.time
+        rgb = robot.camera(width=CAMERA_WIDTH).rgb
+        return {"nx": rgb.shape[1], "ny": rgb.shape[0], "blob": frame.blob(rgb)}
+
+
+def has_camera(robot: Any) -> bool:
+    """True if pages can show what the robot sees: it is no replay of a log, which does not know the world."""
+    return isinstance(robot, SimulatedRobot) and bool(robot.params.cameras)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A frame.
+
+
+LAYERS: Final = ("global", "local", "scan", "trajectories", "potential", "camera")
 """Layers that a page asks for; the others are always sent."""
 SAMPLES_PER_FRAME: Final = 300
 PLAN_SPACING_M: Final = 0.05
@@ -204,6 +249,7 @@ class SessionView:
         self._known: dict[str, Any] = {}
         self._grids = {"global": GridView(), "local": GridView()}
         self._potential = PotentialView()
+        self._camera = CameraView()
         self._event = -1
         self._sampled = -math.inf
         self._cycle = -1
@@ -213,6 +259,8 @@ class SessionView:
         for name in layers - self.layers:
             if name in self._grids:
                 self._grids[name].clear()
+            if name == "camera":
+                self._camera.clear()
             self._known.pop(name, None)
         self.layers = layers
         self._mark = ()
@@ -363,6 +411,10 @@ class SessionView:
                     costmaps[name] = change
         if costmaps:
             entries["costmaps"] = costmaps
+        if "camera" in self.layers:
+            picture = self._camera.update(self.session, frame)
+            if picture is not None:
+                entries["camera"] = picture
         if self.session.cycles == self._cycle:
             return
         if "scan" in self.layers:

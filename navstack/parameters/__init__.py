@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from navstack.parameters.models.move_base import builtin_recoveries as builtin_recoveries
     from navstack.parameters.models.sim import MAX_CAR_ANGLE as MAX_CAR_ANGLE
     from navstack.parameters.models.sim import BumperParams as BumperParams
+    from navstack.parameters.models.sim import CameraParams as CameraParams
     from navstack.parameters.models.sim import ImuParams as ImuParams
     from navstack.parameters.models.sim import LidarParams as LidarParams
     from navstack.parameters.models.sim import SimParams as SimParams

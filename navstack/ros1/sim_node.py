@@ -1,4 +1,4 @@
-"""The simulated robot as a ROS 1 node: scan, odometry, tf, IMU, map, clock, bumpers and the true pose; cmd_vel in."""
+"""The simulated robot as a ROS 1 node: scan, odometry, tf, IMU, map, clock, bumpers, cameras and the true pose; cmd_vel in."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from navstack.bringup import simulated_robot
 from navstack.core import InputError, LaserScan, NavError, PointCloud, Pose2D, Transform2D, Twist2D, clean_frame
 from navstack.parameters import load_configuration
 from navstack.ros1 import parameters, ros
+from navstack.ros1.camera_topics import CameraTopics
 from navstack.ros1.localization_node import PoseTopics
 from navstack.ros1.map_nodes import MapTopics
 from navstack.ros1.node import Inbox, MasterWatch, wait_for_clock
@@ -218,6 +219,10 @@ class SimNode:
         self._odom = self._publisher("odom", "nav_msgs/Odometry")
         self._truth = self._publisher("base_pose_ground_truth", "nav_msgs/Odometry")
         self._static = rospy.Publisher("/tf_static", ros.message("tf2_msgs/TFMessage"), queue_size=1, latch=True)
+        sim = scenario.configuration.navstack.sim
+        self._cameras = [
+            CameraTopics(name, sim.camera(name), self.build, self._publisher, self.names.frame) for name in sim.cameras
+        ]
         self._map = MapTopics(dataclasses.replace(scenario.map, frame=self.names.map), self.build)
         self._is_localized = parameters.flag("localization", True)
         self._localization = LocalizationTopics(self.robot, self.build, self.names.map) if self._is_localized else None
@@ -310,6 +315,8 @@ class SimNode:
         for reading in robot.imu_readings():
             message = self.names.rename(self.build.imu(self._ns(reading.stamp), reading))
             self._publisher(reading.topic, "sensor_msgs/Imu").publish(message)
+        for camera in self._cameras:
+            camera.publish(robot, self._ns(robot.time))
 
     def _publish_scans(self) -> None:
         build, rename = self.build, self.names.rename
@@ -372,7 +379,11 @@ class SimNode:
         ]
         taken = {names.frame(frame) for frame in mounted}
         static += [(stamp, names.base, alias, Transform2D(), 0.0) for alias in names.aliases if alias not in taken]
-        self._static.publish(self.build.transforms(static))
+        message = self.build.transforms(static)
+        taken = {transform.child_frame_id for transform in message.transforms} | {names.map, names.odom, names.base}
+        for camera in self._cameras:
+            message.transforms += camera.frames(stamp, names.base, taken)
+        self._static.publish(message)
 
 
 def _pace(speed: float, clock: bool) -> Pace:

@@ -84,18 +84,24 @@ class MessageBuilder:
         return self.of(
             "tf2_msgs/msg/TFMessage",
             transforms=[
-                self.of(
-                    "geometry_msgs/msg/TransformStamped",
-                    header=self.header(time_ns, parent),
-                    child_frame_id=child,
-                    transform=self.of(
-                        "geometry_msgs/msg/Transform",
-                        translation=self.vector(at.x, at.y, height),
-                        rotation=self.quaternion(quaternion_of_yaw(float(at.yaw))),
-                    ),
-                )
+                self.transform(time_ns, parent, child, (at.x, at.y, height), quaternion_of_yaw(float(at.yaw)))
                 for time_ns, parent, child, at, height in items
             ],
+        )
+
+    def transform(
+        self, time_ns: int, parent: str, child: str, translation: tuple[float, float, float], rotation: Quaternion
+    ) -> Any:
+        """Return a TransformStamped of a transform in space."""
+        return self.of(
+            "geometry_msgs/msg/TransformStamped",
+            header=self.header(time_ns, parent),
+            child_frame_id=child,
+            transform=self.of(
+                "geometry_msgs/msg/Transform",
+                translation=self.vector(*translation),
+                rotation=self.quaternion(rotation),
+            ),
         )
 
     def twist(self, twist: Twist2D) -> Any:
@@ -183,6 +189,42 @@ class MessageBuilder:
             angular_velocity_covariance=np.zeros(9),
             linear_acceleration=self.vector(0.0, 0.0, 9.81),
             linear_acceleration_covariance=np.array([-1.0, *([0.0] * 8)]),
+        )
+
+    def image(self, time_ns: int, frame: str, encoding: str, pixels: NDArray[Any]) -> Any:
+        """Return an image of pixels (height, width) or (height, width, channels); `encoding` as in sensor_msgs."""
+        pixels = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
+        return self.of(
+            "sensor_msgs/msg/Image",
+            header=self.header(time_ns, frame),
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            encoding=encoding,
+            is_bigendian=0,
+            step=pixels.strides[0],
+            data=pixels.view(np.uint8).reshape(-1),
+        )
+
+    def camera_info(
+        self, time_ns: int, frame: str, width: int, height: int, focal_length: float, center: tuple[float, float]
+    ) -> Any:
+        """Return the calibration of a pinhole camera without distortion; focal length and center in pixels."""
+        u, v = center
+        matrix = np.array([focal_length, 0.0, u, 0.0, focal_length, v, 0.0, 0.0, 1.0])
+        projection = np.array([focal_length, 0.0, u, 0.0, 0.0, focal_length, v, 0.0, 0.0, 0.0, 1.0, 0.0])
+        values = {"D": np.zeros(5), "K": matrix, "R": np.eye(3).ravel(), "P": projection}
+        return self.of(
+            "sensor_msgs/msg/CameraInfo",
+            header=self.header(time_ns, frame),
+            height=height,
+            width=width,
+            distortion_model="plumb_bob",
+            **{name if self._ros1 else name.lower(): value for name, value in values.items()},
+            binning_x=0,
+            binning_y=0,
+            roi=self.of(
+                "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+            ),
         )
 
     # --- grids --------------------------------------------------------------------------------------------------------

@@ -4,12 +4,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from navstack.parameters import BumperParams as BumperParams
+    from navstack.parameters import CameraParams as CameraParams
     from navstack.parameters import ImuParams as ImuParams
     from navstack.parameters import LidarParams as LidarParams
     from navstack.parameters import SimParams as SimParams
     from navstack.parameters import SonarParams as SonarParams
     from navstack.sim.body import wheel_drive as wheel_drive
     from navstack.sim.bumper import Bumper as Bumper
+    from navstack.sim.camera import Camera as Camera
+    from navstack.sim.camera import CameraImage as CameraImage
     from navstack.sim.collision import Collision as Collision
     from navstack.sim.estimation import Estimation as Estimation
     from navstack.sim.lidar import Lidar as Lidar

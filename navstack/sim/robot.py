@@ -36,6 +36,7 @@ from navstack.sim.body import (
     drive,
     steered_command,
 )
+from navstack.sim.camera import Camera, CameraImage
 from navstack.sim.collision import Collision
 from navstack.sim.crowd import Crowd
 from navstack.sim.estimation import Estimation, Localization
@@ -430,6 +431,25 @@ class SimulatedRobot:
 
     def _collision_pose(self, pose: Pose2D) -> Pose2D:
         return pose if math.isnan(self._fixed_yaw) else pose._replace(yaw=self._fixed_yaw)
+
+    def camera(self, name: str | None = None, *, width: int | None = None) -> CameraImage:
+        """Return what a camera sees now: color and depth. Nothing is computed unless this is called.
+
+        `name`: one of the parameter `cameras`, by default the first one. `width` (pixels): another size of the same view.
+        Raises InputError for a name that the robot does not have, and for a width outside of 1 .. 4096.
+        """
+        names = self.params.cameras
+        if not names or name not in (None, *names):
+            wanted = "" if name is None else f' named "{name}"'
+            raise InputError(
+                f"the robot has no camera{wanted}, but these: {', '.join(names) or 'none'}; add it to navstack/sim/cameras",
+                camera=name,
+            )
+        camera = self.params.camera(name or names[0])
+        if width is not None:
+            camera = camera.of_width(width)
+        people = 0 if self._crowd is None else len(self.world.people)
+        return Camera(camera).image(self.world, self.pose, self.time, self._solids, people)
 
     # --- true state ---------------------------------------------------------------------------------------------------
 

@@ -117,11 +117,16 @@ class World:
         solids = solids_from_discs(np.concatenate((self._low, discs)), tops)
         return concatenate_solids([solids, self._shape_solids]) if self._still else solids
 
+    @property
+    def polygons(self) -> list[Shape]:
+        """The shapes of the polygons in `solids_at`, in this order."""
+        return [*(shape for shape in self._still if shape.radius is None), *self._timed.polygons]
+
     def name_of(self, kind: str, index: int) -> str:
         """Returns the name of a disc or polygon (kind and index as from `identify`), "" if it has none."""
         named: list[Shape | None]
         if kind == "polygon":
-            named = [*(shape for shape in self._still if shape.radius is None), *self._timed.polygons]
+            named = [*self.polygons]
         elif kind == "disc":
             standing = [shape for shape in self._still if shape.radius is not None]
             moving = [*self._timed.discs, *self.people]

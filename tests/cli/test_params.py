@@ -158,4 +158,4 @@ def test_allow_missing(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
         assert "or leave depth out with --allow-missing" in output.out + output.err
     assert run(["check", "robot", "--allow-missing"]) == 0
     assert run(["params", "show", "robot", "--allow-missing"]) == 0
-    assert "depth" not in capfd.readouterr().out.partition("robot_radius")[2]
+    assert "depth:" not in capfd.readouterr().out.partition("robot_radius")[2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -120,3 +121,32 @@ def test_types_have_the_checksums_of_ros() -> None:
         ("tf2_msgs/msg/TFMessage", "94810edda583a504dfda3829e70d7eec"),
     ):
         assert store.generate_msgdef(name)[1] == md5
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixels"),
+    [
+        ("rgb8", np.arange(24, dtype=np.uint8).reshape(2, 4, 3)),
+        ("32FC1", np.array([[0.5, np.inf], [-np.inf, 1.25]], np.float32)),
+        ("16UC1", np.array([[0, 65535, 258]], np.uint16)),
+    ],
+)
+def test_image(build: MessageBuilder, encoding: str, pixels: np.ndarray[Any, Any]) -> None:
+    message = build.image(START_NS, "optical", encoding, pixels)
+    assert (message.height, message.width, message.encoding) == (*pixels.shape[:2], encoding)
+    assert not message.is_bigendian and message.step * message.height == len(message.data) == pixels.nbytes
+    assert np.array_equal(np.frombuffer(message.data.tobytes(), pixels.dtype).reshape(pixels.shape), pixels)
+
+
+@pytest.mark.parametrize("ros1", [True, False])
+def test_calibration(ros1: bool) -> None:
+    store = typestore(ros1=ros1)
+    message = MessageBuilder(store, ros1=ros1).camera_info(START_NS, "optical", 640, 480, 554.25, (319.5, 239.5))
+    kind = "sensor_msgs/msg/CameraInfo"
+    raw = store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
+    read = store.deserialize_ros1(raw, kind) if ros1 else store.deserialize_cdr(raw, kind)
+    k, d, r, p = (getattr(read, name if ros1 else name.lower()) for name in "KDRP")
+    assert (read.width, read.height, read.distortion_model, read.header.frame_id) == (640, 480, "plumb_bob", "optical")
+    assert k.reshape(3, 3).tolist() == [[554.25, 0.0, 319.5], [0.0, 554.25, 239.5], [0.0, 0.0, 1.0]]
+    assert np.array_equal(p.reshape(3, 4)[:, :3], k.reshape(3, 3)) and not p.reshape(3, 4)[:, 3].any()
+    assert not d.any() and len(d) == 5 and np.array_equal(r.reshape(3, 3), np.eye(3))

@@ -63,11 +63,34 @@ def _speed(images: Path) -> None:
         figure.savefig(images / "speed.png", dpi=150)
 
 
+def _camera(images: Path) -> None:
+    """Draw what the camera of the page on the simulator sees: color, and depth from near (dark) to far."""
+    import numpy as np
+    from PIL import Image
+
+    import navstack as nav
+    from navstack.sim import PedestrianMotion
+
+    shapes = [
+        nav.Shape(box=[0.5, 0.4], pose=[4.3, 7.0, 0.3]),
+        nav.Shape(box=[0.6, 0.4], pose=[2.7, 7.15, 0.2], height=0.1),
+        nav.Shape(radius=0.18, pose=[3.1, 8.0], height=0.45),
+        nav.Shape(radius=0.25, pose=[4.7, 7.75], motion=PedestrianMotion(goals=[[1.0, 7.5]])),
+    ]
+    params = nav.load_configuration(["turtlebot"])
+    start = nav.load_places("office").start
+    picture = nav.simulated_robot(params, nav.load_map(nav.map_path("office")), start, shapes=shapes).camera()
+    gray = np.uint8(255.0 * np.clip(picture.depth / picture.params.range_max, 0.0, 1.0))
+    both = np.concatenate((picture.rgb, np.repeat(gray[:, :, None], 3, axis=2)), axis=1)
+    Image.fromarray(both).save(images / "camera.png", optimize=True)
+
+
 def main() -> None:
     """Draw every picture."""
     images = Path(sys.argv[1]) if len(sys.argv) > 1 else IMAGES
     images.mkdir(parents=True, exist_ok=True)
     _speed(images)
+    _camera(images)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         navstack("simulate", "office", "--out", folder / "office")

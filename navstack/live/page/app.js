@@ -2,6 +2,7 @@
 import { Camera } from './camera.js';
 import { Theme } from './colors.js';
 import { Connection } from './connection.js';
+import { FirstPerson } from './first_person.js';
 import { $, copy, el, poseText, refresh, setIcon, toast } from './dom.js';
 import { helpText } from './help.js';
 import { Layers, legend } from './layers.js';
@@ -38,6 +39,7 @@ class App {
     for (const scene of this.scenes) scene.fan = (where, side) => this.why.draw(where, side);
     this.tools = new Tools(this);
     this.timeline = new Timeline(this);
+    this.firstPerson = new FirstPerson(this);
     this.parameters = new Parameters(this);
     this.panel = new Panel(this);
     this.layers.build($('tab-layers'));
@@ -66,6 +68,7 @@ class App {
       document.body.classList.toggle('read-only', this.readOnly);
       for (const name of ['goal', 'pose', 'disc', 'box', 'wall', 'person', 'delete', 'drive']) $(`tool-${name}`).disabled = this.readOnly;
       $('clear').disabled = this.readOnly;
+      $('eye').hidden = !header.camera;
       for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
       this.panel.world(header);
       this.progress(null);
@@ -113,6 +116,7 @@ class App {
     set('hint', this.tools.hint());
     $('hint').title = this.tools.hint();
     this.teleop.update();
+    this.firstPerson.update(side);
     const bar = this.camera.bar();
     const [line, label] = $('scale').children, length = bar.meters >= 1 ? `${bar.meters} m` : `${Math.round(bar.meters * 100)} cm`;
     line.style.width = `${bar.pixels}px`;
@@ -230,7 +234,7 @@ class App {
     const onButton = event.target.closest?.('button, summary, input');
     const actions = {
       ' ': () => this.play(), n: () => this.act({ type: 'step' }), PageUp: () => this.back(5), Home: () => this.restart(), '+': () => this.zoom(1.25), '-': () => this.zoom(0.8),
-      0: () => this.fit(), x: () => { if (this.versus.two) $('split').click(); }, f: () => { this.follow = !this.follow; this.followButton(); }, '?': () => this.help(), s: () => this.save.open('scenario', 'Save the session as a scenario'),
+      0: () => this.fit(), x: () => { if (this.versus.two) $('split').click(); }, f: () => { this.follow = !this.follow; this.followButton(); }, i: () => this.firstPerson.toggle(), '?': () => this.help(), s: () => this.save.open('scenario', 'Save the session as a scenario'),
       Escape: () => { this.tools.cross = this.tools.measured = null; this.why.clear(); if (this.teleop.on) this.tools.choose('drive'); this.tools.choose('why'); },
     };
     if ((onButton && (event.key === ' ' || event.key === 'Enter')) || (event.target.type === 'range' && /^(Arrow|Page|Home|End)/.test(event.key))) return;

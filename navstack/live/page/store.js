@@ -13,7 +13,7 @@ export class Side {
 
   reset() {
     Object.assign(this, {
-      samples: [], events: [], plans: [], trail: [], trajectory: null, trajectories: null, scan: null, discs: [], polygons: [],
+      samples: [], events: [], plans: [], trail: [], trajectory: null, trajectories: null, scan: null, camera: null, discs: [], polygons: [],
       goals: { under_way: [], waiting: [], loop: false, ended: [] }, shapes: [], interactions: [], before: null, t: 0, end: 0,
     });
     for (const grid of Object.values(this.grids)) grid.clear();
@@ -22,7 +22,7 @@ export class Side {
   apply(entries, blobs, now) {
     if (this.restarts !== undefined && entries.restarts !== this.restarts) this.reset();
     const before = this.pose ? { t: this.t, pose: this.pose } : null;
-    const { samples, events, plans, costmaps, potential, scan, trajectories, trail, ...rest } = entries;
+    const { samples, events, plans, costmaps, potential, scan, camera, trajectories, trail, ...rest } = entries;
     if (before && rest.t > before.t) this.before = before;
     else if (!before || rest.t < before.t) this.before = null;
     Object.assign(this, rest);
@@ -32,6 +32,7 @@ export class Side {
     if (plans) { this.plans.push(...plans); this.plans.splice(0, this.plans.length - PLANS); }
     if (trail) this.trail = trail;
     if (scan !== undefined) this.scan = { pose: rest.pose, points: new Int16Array(blobs[scan]) };
+    if (camera) this.camera = { width: camera.nx, height: camera.ny, rgb: new Uint8Array(blobs[camera.blob]) };
     if ('trajectories' in entries) {
       this.trajectories = trajectories && {
         ...trajectories, xy: new Int16Array(blobs[trajectories.blob]), scores: new Float32Array(blobs[trajectories.scores]),

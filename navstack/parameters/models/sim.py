@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import field_validator, model_validator
 
+from navstack.core import InputError
 from navstack.plugins import ParamModel, param
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -338,6 +339,77 @@ class ImuParams(ParamModel):
     )
 
 
+MAX_PIXELS = 4096
+"""Maximum width and height of a picture (pixels)."""
+
+
+class CameraParams(ParamModel):
+    """A level color and depth camera. It takes pictures only when it is asked.
+
+    The defaults are the turtlebot's Kinect: both images have the same pixels, a focal length of 554 pixels, and no distortion.
+    """
+
+    topic: str = param(
+        "camera",
+        "namespace of its topics: `rgb/image_raw` and `depth/image_raw`, each with a `camera_info` next to it",
+    )
+    frame: str = param(
+        "camera",
+        "beginning of the names of its frames: camera_link, camera_rgb_optical_frame, camera_depth_optical_frame",
+    )
+    x: float = param(0.1, "mounting position ahead of the robot's center", unit="m")
+    y: float = param(0.0, "mounting position to the left of the robot's center", unit="m")
+    z: float = param(0.3, "height above the ground", unit="m", gt=0.0)
+    yaw: float = param(0.0, "mounting direction of the optical axis", unit="rad")
+    horizontal_fov: float = param(
+        1.0471975511965976,
+        "angle from the left to the right border of the image; the pixels are square",
+        unit="rad",
+        gt=0.0,
+        le=3.0,
+    )
+    width: int = param(640, "pixels per row", unit="px", ge=1, le=MAX_PIXELS)
+    height: int = param(480, "rows", unit="px", ge=1, le=MAX_PIXELS)
+    frequency: float = param(10.0, "pictures per second, at most", unit="Hz", gt=0.0)
+    range_min: float = param(0.45, "smaller depths are reported as -inf (REP 118)", unit="m", ge=0.0)
+    range_max: float = param(8.0, "larger depths are reported as +inf", unit="m", gt=0.0)
+    depth_encoding: Literal["32FC1", "16UC1"] = param(
+        "32FC1",
+        "32FC1: depth in meters; 16UC1: in millimeters, 0 where there is none, as raw images of drivers (REP 118)",
+    )
+    wall_height: float = param(
+        2.5, "height of the walls of the map, and of doors and segments without a height", unit="m", gt=0.0
+    )
+    person_height: float = param(1.75, "height of pedestrians without a height", unit="m", gt=0.0)
+    obstacle_height: float = param(1.0, "height of other obstacles without a height", unit="m", gt=0.0)
+
+    @model_validator(mode="after")
+    def _check_ranges(self) -> Self:
+        _check_range(self.range_min, self.range_max)
+        if self.z >= self.wall_height:
+            raise ValueError(
+                f"z = {self.z:g} is not less than wall_height = {self.wall_height:g}: a camera does not look over the walls of "
+                "the map; raise wall_height"
+            )
+        return self
+
+    def of_width(self, width: int) -> Self:
+        """Return a camera with the same view and `width` pixels per row. Raises InputError for a width outside of 1 .. 4096."""
+        if not 1 <= width <= MAX_PIXELS:
+            raise InputError(f"the width of a picture is {width}; it must be from 1 to {MAX_PIXELS}", width=width)
+        return self.model_copy(update={"width": width, "height": max(1, round(self.height * width / self.width))})
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length (pixels)."""
+        return 0.5 * self.width / math.tan(0.5 * self.horizontal_fov)
+
+    @property
+    def image_center(self) -> tuple[float, float]:
+        """Column and row of the optical axis (pixels); whole numbers are the centers of pixels."""
+        return 0.5 * (self.width - 1), 0.5 * (self.height - 1)
+
+
 class SimParams(BodyParams):
     """The simulated robot and its sensors.
 
@@ -427,7 +499,8 @@ class SimParams(BodyParams):
     bumpers: list[str] = param(["bumper"], "names of the bumpers")
     sonars: list[str] = param([], "names of the sonars")
     imus: list[str] = param([], "names of the inertial measurement units")
-    sensors: dict[str, LidarParams | BumperParams | SonarParams | ImuParams] = param(
+    cameras: list[str] = param(["camera"], "names of the cameras, which take pictures only when they are asked")
+    sensors: dict[str, LidarParams | BumperParams | SonarParams | ImuParams | CameraParams] = param(
         {}, "parameters of each sensor, by name"
     )
 
@@ -436,6 +509,7 @@ class SimParams(BodyParams):
         """Return the model of every sensor: `LidarParams` for the names in `lasers`, `BumperParams` for `bumpers`, and so on."""
         models: dict[str, type[ParamModel]] = {}
         for key, model in (
+            ("cameras", CameraParams),
             ("imus", ImuParams),
             ("sonars", SonarParams),
             ("bumpers", BumperParams),
@@ -453,7 +527,7 @@ class SimParams(BodyParams):
             raise ValueError(f"{value} is not a pose; write [x, y, yaw] (m, m, rad)")
         return value
 
-    @field_validator("lasers", "bumpers", "sonars", "imus")
+    @field_validator("lasers", "bumpers", "sonars", "imus", "cameras")
     @classmethod
     def _check_unique(cls, value: list[str]) -> list[str]:
         twice = sorted({name for name in value if value.count(name) > 1})
@@ -464,6 +538,8 @@ class SimParams(BodyParams):
     @model_validator(mode="after")
     def _check_one_kind_each(self) -> Self:
         kinds = {"a lidar": self.lasers, "a bumper": self.bumpers, "a sonar": self.sonars, "an IMU": self.imus}
+        if "cameras" in self.model_fields_set:  # else a lidar may have the name of the camera that nobody asked for
+            kinds["a camera"] = self.cameras
         for number, (kind, names) in enumerate(kinds.items()):
             for other, others in list(kinds.items())[number + 1 :]:
                 both = [name for name in names if name in others]
@@ -471,6 +547,16 @@ class SimParams(BodyParams):
                     raise ValueError(
                         f"{', '.join(both)} is the name of {kind} and of {other}; give each sensor a unique name"
                     )
+        return self
+
+    @model_validator(mode="after")
+    def _check_cameras(self) -> Self:
+        cameras = [self.camera(name) for name in self.cameras]
+        for key in ("topic", "frame"):
+            values = [str(getattr(camera, key)) for camera in cameras]
+            twice = sorted({value for value in values if values.count(value) > 1})
+            if twice:
+                raise ValueError(f"two cameras have the {key} {twice[0]}; give each camera its own {key}")
         return self
 
     @model_validator(mode="after")
@@ -517,3 +603,7 @@ class SimParams(BodyParams):
     def imu(self, name: str) -> ImuParams:
         """Return the parameters of an IMU; the defaults if it has no namespace."""
         return self._sensor(name, ImuParams)
+
+    def camera(self, name: str) -> CameraParams:
+        """Return the parameters of a camera; the defaults if it has no namespace."""
+        return self._sensor(name, CameraParams)
