@@ -270,25 +270,26 @@ def draw_polygon(rgb, depth, circle, corners, eye, view, kind, row, top, colors)
 
 
 @kernel
-def draw(rgb, depth, leaps, grid, discs, circles, corners, first, tops, kinds, eye, settings, colors):
+def draw(rgb, depth, leaps, grid, discs, circles, corners, first, looks, eye, settings, colors):
     """Draw what a camera at `eye` (x, y, yaw) in the map (m, rad), a tuple, sees into `rgb` (h, w, 3) u1 and `depth` (h, w) f4.
 
-    `leaps`, `grid`, `discs` .. `tops` as in `sweep`, all tops finite; `kinds` (k + p,) of the solids; `settings` (1,) of type
-    `VIEW`; `colors` as `_COLORS`. The depth is along the optical axis (m), inf in the sky.
+    `leaps`, `grid`, `discs` .. `first` as in `sweep`; `looks` (k + p, 2): top (m) and kind of each solid; `settings` (1,) of
+    type `VIEW`; `colors` as `_COLORS`. The depth is along the optical axis (m), inf in the sky.
     """
     view = settings[0]
     draw_background(rgb, depth, view, colors)
     draw_walls(rgb, depth, leaps, grid, eye, view, colors)
     count = discs.shape[0]
     for k in range(count + circles.shape[0]):
+        top, kind = looks[k, 0], int(looks[k, 1])
         row = _OBSTACLES + k % (colors.shape[0] - _OBSTACLES)
-        if kinds[k] != OBSTACLE:
-            row = _HEAD if kinds[k] == PERSON else _DOOR
+        if kind != OBSTACLE:
+            row = _HEAD if kind == PERSON else _DOOR
         if k < count:
-            draw_disc(rgb, depth, discs[k], eye, view, kinds[k], row, tops[k], colors)
+            draw_disc(rgb, depth, discs[k], eye, view, kind, row, top, colors)
         else:
             polygon = corners[first[k - count] : first[k - count + 1]]
-            draw_polygon(rgb, depth, circles[k - count], polygon, eye, view, kinds[k], row, tops[k], colors)
+            draw_polygon(rgb, depth, circles[k - count], polygon, eye, view, kind, row, top, colors)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -330,15 +331,15 @@ class Camera:
         solids = world.solids_at(stamp) if solids is None else solids
         rgb = np.empty((p.height, p.width, 3), np.uint8)
         depth = np.empty((p.height, p.width), np.float32)
-        tops, kinds = self._looks(world, solids, people)
+        looks = self._looks(world, solids, people)
         eye = tuple(Transform2D(base.x, base.y, base.yaw) @ self.mounting)
-        draw(rgb, depth, world.leaps, world.grid, *solids.geometry, tops, kinds, eye, self._settings, _COLORS)
+        draw(rgb, depth, world.leaps, world.grid, *solids.geometry, looks, eye, self._settings, _COLORS)
         depth[depth > p.range_max] = np.inf
         depth[depth < p.range_min] = -np.inf
         return CameraImage(rgb, depth, stamp, p)
 
-    def _looks(self, world: World, solids: Solids, people: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return the finite height (m) of each solid, and its kind."""
+    def _looks(self, world: World, solids: Solids, people: int) -> NDArray[np.float64]:
+        """Return the finite height (m) of each solid, and its kind: (k + p, 2)."""
         p, discs = self.params, len(solids.discs)
         heights = np.full(len(solids.tops), p.obstacle_height)
         kinds = np.full(len(solids.tops), OBSTACLE)
@@ -346,4 +347,4 @@ class Camera:
         for k, shape in enumerate(world.polygons):
             if shape.segment is not None or isinstance(shape.motion, DoorMotion):
                 heights[discs + k], kinds[discs + k] = p.wall_height, WALL
-        return np.where(np.isfinite(solids.tops), solids.tops, heights), kinds
+        return np.column_stack((np.where(np.isfinite(solids.tops), solids.tops, heights), kinds))
