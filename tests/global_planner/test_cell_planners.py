@@ -50,6 +50,18 @@ def test_a_short_query_reads_a_corner_of_a_huge_map(planner: type[CellPlanner], 
     assert built.make_plan(costmap, at(costmap, 100, 100), at(costmap, 130, 110)) is not plan
 
 
+def test_a_path_over_neighbors_leads_from_the_start_straight_to_the_next_center() -> None:
+    """Not back to the center of the start's own cell first, nor past the goal to that of its cell."""
+    costmap = empty(40, 40)
+    start, goal = Pose2D(0.54, 0.52, 0.0), Pose2D(1.02, 0.53, 0.0)
+    plan = AStarPlanner(AStarParams()).make_plan(costmap, start, goal)
+    points = plan.path.poses[:, :2]
+    assert points[0].tolist() == [0.54, 0.52] and points[-1].tolist() == [1.02, 0.53]
+    assert points[1:-1] == pytest.approx(np.array([(x, 0.525) for x in np.arange(0.575, 1.0, 0.05)]))
+    across = AStarPlanner(AStarParams(cut_corners=True)).make_plan(costmap, start, goal).path.poses[:, :2]
+    assert across[1] == pytest.approx((0.525, 0.525)) and across[-2] == pytest.approx((1.025, 0.525))
+
+
 def test_astar_in_free_space_expands_little_more_than_the_path() -> None:
     costmap = empty(500, 500)
     plan = AStarPlanner(AStarParams(neutral_cost=1.0, cost_factor=0.0)).make_plan(

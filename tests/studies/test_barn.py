@@ -10,7 +10,14 @@ import pytest
 
 from navstack.core import InputError
 from navstack.scenario import BarnWorld, load_worlds
-from navstack.studies.barn import BarnTask, barn_configuration, read_cpp_results, run_world
+from navstack.studies.barn import (
+    BarnOutcome,
+    BarnTask,
+    barn_configuration,
+    read_cpp_results,
+    run_world,
+    totals_table,
+)
 from navstack.studies.evaluation import BarnEvaluation
 from navstack.studies.inputs import for_workers
 from navstack.studies.jobs import SerialExecutor
@@ -27,6 +34,17 @@ def jackal(data_dir: Path) -> Path:
 
 def field(*discs: tuple[float, float, float]) -> BarnWorld:
     return BarnWorld(7, np.array(discs, np.float64).reshape(-1, 3), 10.0)
+
+
+def test_totals_count_what_became_of_each_run() -> None:
+    ends = [("success", 10.0), ("success", 20.0), ("collision", 3.0), ("timeout", 100.0), ("aborted", 50.0)]
+    outcomes = [
+        BarnOutcome(n, end, time, 5.0, 0.1, 0.25 * (end == "success"), 0.0) for n, (end, time) in enumerate(ends)
+    ]
+    (row,) = totals_table(outcomes, {}).rows
+    assert row["runs"] == 5
+    means = {key: row[key].value for key in ("success", "collision", "other", "time_s", "score")}
+    assert means == pytest.approx({"success": 0.4, "collision": 0.2, "other": 0.4, "time_s": 15.0, "score": 0.1})
 
 
 @pytest.mark.slow
