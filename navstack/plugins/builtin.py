@@ -126,7 +126,8 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "simple": ("navstack.local_planner.progress_checkers", "nav2_controller/SimpleProgressChecker"),
     },
     "path handler": {
-        "feasible": ("navstack.local_planner.path_handlers", "nav2_controller/FeasiblePathHandler"),
+        "feasible": ("navstack.local_planner.path_handlers",),
+        "nav2_feasible": ("navstack.local_planner.path_handlers", "nav2_controller/FeasiblePathHandler"),
     },
     "recovery behavior": {
         "back_up": ("navstack.behaviors.straight", "nav2_behaviors/BackUp", "nav2_recoveries/BackUp"),
