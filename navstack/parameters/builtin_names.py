@@ -40,6 +40,10 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
             ),
             others="planner_window_x planner_window_y",
         ),
+        "nav2_navfn": PluginNames(
+            values="tolerance use_astar allow_unknown max_cycles_factor use_final_approach_orientation",
+            namespaces="GridBased",
+        ),
         "navfn": PluginNames(
             values="default_tolerance start_policy max_expansions allow_unknown visualize_potential use_astar",
             others="planner_window_x planner_window_y",

@@ -88,6 +88,22 @@ class NavfnPropagation(Propagation):
         """Do nothing: the traceback needs no other cells."""
 
 
+class StraightAStarPropagation(NavfnPropagation):
+    """A* of Nav2's navfn: as navfn, but the straight distance to the goal is added before cells are sorted into the lists.
+
+    It stops at the first arrival, with potentials that no later list lowers: paths may cost more than those of Dijkstra.
+    """
+
+    def propagate(self, wave: Wavefront, query: WaveQuery, guide: Guide | None) -> None:
+        """Run the wave to the goal; it takes no guide."""
+        assert guide is None
+        root, (x, y) = query.start_cell, query.goal_cell
+        first = np.float32(np.float32(math.hypot(root[0] - x, root[1] - y) * NAVFN_NEUTRAL) + np.float32(_NAVFN_THRESHOLD))
+        wave.begin_at(query.grid, query.costs, root, (x, y), threshold=float(first), rise=NAVFN_RISE)
+        wave.aim_at((x, y), NAVFN_NEUTRAL)
+        wave.run((x, y))
+
+
 class SubcellPropagation(Propagation):
     """global_planner: from the four cells around the start, seeded by their distance to it.
 
