@@ -44,6 +44,14 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
             values="tolerance use_astar allow_unknown max_cycles_factor use_final_approach_orientation",
             namespaces="GridBased",
         ),
+        "nav2_theta_star": PluginNames(
+            values=(
+                "how_many_corners allow_unknown w_euc_cost w_traversal_cost use_final_approach_orientation "
+                "start_policy"
+            ),
+            others="terminal_checking_interval w_heuristic_cost",
+            namespaces="GridBased",
+        ),
         "navfn": PluginNames(
             values="default_tolerance start_policy max_expansions allow_unknown visualize_potential use_astar",
             others="planner_window_x planner_window_y",

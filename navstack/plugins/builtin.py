@@ -26,6 +26,7 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "given_path": ("navstack.global_planner.given_path",),
         "global_planner": ("navstack.global_planner.global_planner", "global_planner/GlobalPlanner"),
         "nav2_navfn": ("navstack.global_planner.navfn", "nav2_navfn_planner/NavfnPlanner"),
+        "nav2_theta_star": ("navstack.global_planner.theta_star", "nav2_theta_star_planner/ThetaStarPlanner"),
         "navfn": ("navstack.global_planner.navfn", "navfn/NavfnROS"),
         "smac_2d": ("navstack.global_planner.smac_2d", "nav2_smac_planner/SmacPlanner2D", "smac_planner_2d"),
         "smac_hybrid": (
