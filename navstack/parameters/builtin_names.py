@@ -234,11 +234,47 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         "keepout_mask": PluginNames(
             values="enabled mask",
         ),
+        "nav2_denoise": PluginNames(
+            values="enabled minimal_group_size group_connectivity_type",
+        ),
+        "nav2_inflation": PluginNames(
+            values=(
+                "enabled cost_scaling_factor inflation_radius inflate_unknown inflate_around_unknown "
+                "custom_inscribed_radius"
+            ),
+            others="num_threads",
+        ),
+        "nav2_obstacle": PluginNames(
+            values=(
+                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
+                "combination_method track_unknown_space transform_tolerance observation_sources"
+            ),
+            others="tf_filter_tolerance",
+        ),
+        "nav2_static": PluginNames(
+            values=(
+                "enabled map_topic subscribe_to_updates footprint_clearing_enabled "
+                "restore_cleared_footprint track_unknown_space use_maximum lethal_cost_threshold "
+                "inscribed_obstacle_cost_value unknown_cost_value trinary_costmap nav2_compatible"
+            ),
+            others="map_subscribe_transient_local transform_tolerance",
+        ),
+        "nav2_voxel": PluginNames(
+            values=(
+                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
+                "combination_method track_unknown_space transform_tolerance observation_sources origin_z "
+                "z_resolution z_voxels unknown_threshold mark_threshold publish_voxel_map"
+            ),
+            others="tf_filter_tolerance",
+        ),
         "obstacle": PluginNames(
             values=(
                 "enabled footprint_clearing_enabled max_obstacle_height combination_method "
                 "track_unknown_space transform_tolerance observation_sources obstacle_range raytrace_range"
             ),
+        ),
+        "plugin_container": PluginNames(
+            values="enabled plugins combination_method nav2_compatible",
         ),
         "range_sensor": PluginNames(
             values=(

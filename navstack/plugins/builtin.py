@@ -7,18 +7,24 @@ from typing import Final
 
 BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "costmap layer": {
-        "denoise": ("navstack.costmap.denoise_layer", "nav2_costmap_2d/DenoiseLayer"),
-        "inflation": (
-            "navstack.costmap.inflation_layer",
-            "costmap_2d/InflationLayer",
-            "nav2_costmap_2d/InflationLayer",
-        ),
+        "denoise": ("navstack.costmap.denoise_layer",),
+        "inflation": ("navstack.costmap.inflation_layer", "costmap_2d/InflationLayer"),
         "keepout_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/KeepoutFilter"),
-        "obstacle": ("navstack.costmap.obstacle_layer", "costmap_2d/ObstacleLayer", "nav2_costmap_2d/ObstacleLayer"),
-        "range_sensor": ("navstack.costmap.range_sensor_layer", "range_sensor_layer/RangeSensorLayer"),
+        "nav2_denoise": ("navstack.costmap.denoise_layer", "nav2_costmap_2d/DenoiseLayer"),
+        "nav2_inflation": ("navstack.costmap.inflation_layer", "nav2_costmap_2d/InflationLayer"),
+        "nav2_obstacle": ("navstack.costmap.obstacle_layer", "nav2_costmap_2d/ObstacleLayer"),
+        "nav2_static": ("navstack.costmap.static_layer", "nav2_costmap_2d/StaticLayer"),
+        "nav2_voxel": ("navstack.costmap.voxel_layer", "nav2_costmap_2d/VoxelLayer"),
+        "obstacle": ("navstack.costmap.obstacle_layer", "costmap_2d/ObstacleLayer"),
+        "plugin_container": ("navstack.costmap.plugin_container_layer", "nav2_costmap_2d/PluginContainerLayer"),
+        "range_sensor": (
+            "navstack.costmap.range_sensor_layer",
+            "range_sensor_layer/RangeSensorLayer",
+            "nav2_costmap_2d/RangeSensorLayer",
+        ),
         "speed_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/SpeedFilter"),
-        "static": ("navstack.costmap.static_layer", "costmap_2d/StaticLayer", "nav2_costmap_2d/StaticLayer"),
-        "voxel": ("navstack.costmap.voxel_layer", "costmap_2d/VoxelLayer", "nav2_costmap_2d/VoxelLayer"),
+        "static": ("navstack.costmap.static_layer", "costmap_2d/StaticLayer"),
+        "voxel": ("navstack.costmap.voxel_layer", "costmap_2d/VoxelLayer"),
     },
     "global planner": {
         "astar": ("navstack.global_planner.astar",),
