@@ -331,7 +331,7 @@ class InflationLayer(Layer):
         cells: NDArray[np.float64] = distance(~lethal)
         cells = np.sqrt(np.rint(cells[window.y0 - y0 : window.y1 - y0, window.x0 - x0 : window.x1 - x0] ** 2))
         costs = self._costs_at(cells)
-        costs[cells > reach] = 0
+        costs[self._is_beyond(cells)] = 0
         old = master.data[window.slices]
         unknown = old == UNKNOWN
         np.maximum(old, costs, out=old)
@@ -365,6 +365,10 @@ class InflationLayer(Layer):
         self._everything = True
         return 0
 
+    def _is_beyond(self, cells_away: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return where distances in cells are beyond the inflation radius."""
+        return cells_away > self.radius_cells
+
     def _margin_of(self, radius: float, whole_cells: float) -> float:
         """Return by how much (m) bounds grow: the inflation radius, or that in whole cells."""
         return max(radius, whole_cells)
@@ -396,7 +400,7 @@ class InflationLayer(Layer):
         along = np.append(np.arange(1.0, 16 * math.ceil(max(self.radius_cells, 1) / 16) + 1.0), 0.0)
         cells_away = np.hypot(across[:, None], along[None, :])
         costs = self._costs_at(cells_away)
-        costs[cells_away > self.radius_cells] = 0
+        costs[self._is_beyond(cells_away)] = 0
         self._ahead = np.ascontiguousarray(costs)
         self._behind = np.ascontiguousarray(costs[:, ::-1])
         self._rows = np.zeros((2, geometry.nx + 2 * costs.shape[1] + 16), np.uint8)
@@ -406,6 +410,13 @@ class InflationLayer(Layer):
 
 STEPS_PER_CELL = 100
 """Nav2 looks the cost up by the distance in hundredths of a cell."""
+
+ROUNDED_UP = frozenset({7, 13, 15, 95, 105, 117, 119, 125, 223, 241, 253})
+"""Radii (cells), and their products with powers of 2, at exactly which Nav2 does not inflate.
+
+It takes roots by Eigen's fast square root: x86's approximate reciprocal root and one step of Newton's method, in float32. That of the
+square of these numbers is the float32 above the number. Up to the radius of 253 cells there are no others.
+"""
 
 
 class Nav2InflationLayerParams(InflationLayerParams):
@@ -424,7 +435,9 @@ class Nav2InflationLayerParams(InflationLayerParams):
 
 @LAYERS.register("nav2_inflation", aliases=("nav2_costmap_2d/InflationLayer",))
 class Nav2InflationLayer(InflationLayer):
-    """Costs around obstacles, by Nav2's rules: the distance is rounded to a hundredth of a cell before the cost is computed."""
+    """Costs around obstacles, by Nav2's rules: the distance is rounded to a hundredth of a cell before the cost is computed, and
+    cells at exactly the inflation radius are left out where Nav2's square root rounds it up.
+    """
 
     Params: ClassVar[type[ParamModel]] = Nav2InflationLayerParams
     AS_NAV2 = True
@@ -447,6 +460,11 @@ class Nav2InflationLayer(InflationLayer):
         self._around_unknown = bool(params.inflate_around_unknown)
         super().set_params(params)
         self.set_footprint(self._footprint)
+
+    def _is_beyond(self, cells_away: NDArray[np.float64]) -> NDArray[np.bool_]:
+        radius = self.radius_cells
+        odd = radius // max(radius & -radius, 1)
+        return cells_away >= radius if odd in ROUNDED_UP else cells_away > radius
 
     def _margin_of(self, radius: float, whole_cells: float) -> float:
         return radius

@@ -325,6 +325,7 @@ def interpolated(corners: NDArray[np.float64], spacing: float) -> NDArray[np.flo
     for here, after in zip(corners[:-1], corners[1:], strict=True):
         step = after - here
         length = math.hypot(step[0], step[1])
+        # of a stretch of whole cells rounding decides whether its last point is left out, as in Nav2
         numbers = np.arange(max(1, int(length / spacing)))[:, None]
         parts.append(here + numbers * spacing * (step / length))
     return np.concatenate([*parts, corners[-1:]])

@@ -69,7 +69,8 @@ def costmap_of(job: dict[str, Any], case: dict[str, np.ndarray]) -> LayeredCostm
     static_map = None
     if "in_map" in case:
         info, cells = case["in_map_info"].tolist(), np.ascontiguousarray(case["in_map"])
-        static_map = OccupancyGrid(cells, GridGeometry(*cells.shape[::-1], info[2], info[0], info[1]))
+        of_message = float(np.float32(info[2]))  # decides in which cell a point on an edge is
+        static_map = OccupancyGrid(cells, GridGeometry(*cells.shape[::-1], of_message, info[0], info[1]))
     frames = FrameTree()
     frames.set_static("map", "base_link", Transform2D())
     return LayeredCostmap(
