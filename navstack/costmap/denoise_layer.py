@@ -85,8 +85,8 @@ class Nav2DenoiseLayerParams(ParamModel):
 class Nav2DenoiseLayer(Layer):
     """Clears small groups of lethal and inscribed cells in the update window, by Nav2's rules.
 
-    Cells outside the window do not count, so a group that the window cuts may be removed: `denoise` counts them. In a costmap that
-    does not track unknown space, unknown cells are obstacles, too.
+    Cells outside the window do not count, so a group that the window cuts may be removed: `denoise` counts them. In a costmap
+    that does not track unknown space, unknown cells are obstacles, too.
     """
 
     Params: ClassVar[type[ParamModel]] = Nav2DenoiseLayerParams

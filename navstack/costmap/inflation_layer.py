@@ -414,8 +414,8 @@ STEPS_PER_CELL = 100
 ROUNDED_UP = frozenset({7, 13, 15, 95, 105, 117, 119, 125, 223, 241, 253})
 """Radii (cells), and their products with powers of 2, at exactly which Nav2 does not inflate.
 
-It takes roots by Eigen's fast square root: x86's approximate reciprocal root and one step of Newton's method, in float32. That of the
-square of these numbers is the float32 above the number. Up to the radius of 253 cells there are no others.
+It takes roots by Eigen's fast square root: x86's approximate reciprocal root and one step of Newton's method, in float32. That
+of the square of these numbers is the float32 above the number. Up to the radius of 253 cells there are no others.
 """
 
 

@@ -226,9 +226,7 @@ class ObservationBuffer:
     uses one scan in ten.
     """
 
-    def __init__(
-        self, name: str, params: SourceParams, *, frame: str, frames: FrameTree, tolerance_s: float
-    ) -> None:
+    def __init__(self, name: str, params: SourceParams, *, frame: str, frames: FrameTree, tolerance_s: float) -> None:
         self.name = name
         self.params = params
         self.topic = (params.topic or name).removeprefix("/")

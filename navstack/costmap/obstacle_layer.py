@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -815,8 +815,8 @@ class Nav2ObstacleLayerParams(ParamModel):
 class Nav2ObstacleLayer(ObstacleLayer):
     """Obstacles seen by sensors, by Nav2's rules.
 
-    As `obstacle`, but ranges are those of the plane, include their limits, and have minima; points below `min_obstacle_height` are
-    dropped; and combination method 2 keeps unknown cells.
+    As `obstacle`, but ranges are those of the plane, include their limits, and have minima; points below `min_obstacle_height`
+    are dropped; and combination method 2 keeps unknown cells.
     """
 
     Params: ClassVar[type[ParamModel]] = Nav2ObstacleLayerParams
@@ -829,7 +829,7 @@ class Nav2ObstacleLayer(ObstacleLayer):
         combine_as_nav2(self.params.combination_method, master, self.costs, window)
 
     def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
-        p, source, resolution = self.params, seen.source.params, self.geometry.resolution
+        p, source, resolution = self.params, nav2_source(seen), self.geometry.resolution
         nearest, farthest = source.obstacle_min_range, source.obstacle_max_range
         mark_points_within(
             self.costs,
@@ -847,7 +847,7 @@ class Nav2ObstacleLayer(ObstacleLayer):
         )
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
-        nearest, reach = seen.source.params.raytrace_min_range, seen.source.params.raytrace_max_range
+        nearest, reach = nav2_source(seen).raytrace_min_range, nav2_source(seen).raytrace_max_range
         if nearest == 0.0:
             return super()._clear(seen, box)
         resolution, settings = self.geometry.resolution, self._kernel_settings()
@@ -866,9 +866,16 @@ class Nav2ObstacleLayer(ObstacleLayer):
         )
 
 
+def nav2_source(seen: Observation) -> Nav2ObservationSourceParams:
+    """Return the parameters of the source of an observation, in a layer of Nav2."""
+    return cast("Nav2ObservationSourceParams", seen.source.params)
+
+
 def combine_as_nav2(method: int, master: Costmap, costs: NDArray[np.uint8], window: Window) -> None:
     """Write costs into the window of the master grid by Nav2's combination method: 0 overwrite, 2 known maximum, else maximum."""
-    combine = combine_overwrite if method == OVERWRITE else combine_known_max if method == KNOWN_MAXIMUM else combine_max
+    combine = (
+        combine_overwrite if method == OVERWRITE else combine_known_max if method == KNOWN_MAXIMUM else combine_max
+    )
     combine(master.data, costs, *window)
 
 

@@ -39,13 +39,14 @@ from navstack.plugins import (
 def contained_model(plugin: str) -> type[ParamModel]:
     """Return the parameter model of a layer type, with the parameter `plugin` that names it in the section of a container."""
     base = LAYERS.get(plugin).cls.Params
-    members = {
+    members: dict[str, Any] = {
         "__doc__": base.__doc__,
         "__module__": __name__,
         "__annotations__": {"plugin": "str"},
         "plugin": param(plugin, "type of the layer"),
     }
-    return cast("type[ParamModel]", type(base)(f"Contained{base.__name__}", (base,), members))
+    metaclass: Any = type(base)
+    return metaclass(f"Contained{base.__name__}", (base,), members)
 
 
 class PluginContainerLayerParams(ParamModel):
@@ -59,7 +60,8 @@ class PluginContainerLayerParams(ParamModel):
         "value counts as 1, as in Nav2",
     )
     nav2_compatible: bool = param(
-        False, "never clear the grid, and leave it where it is in a rolling window, as Nav2 does: costs inside it only grow"
+        False,
+        "never clear the grid, and leave it where it is in a rolling window, as Nav2 does: costs inside it only grow",
     )
     sections: dict[str, Any] = param({}, "parameters of the layers, by name")
 
@@ -180,7 +182,7 @@ class PluginContainerLayer(Layer):
 
     def is_current(self, now: float) -> bool:
         """Return False if a sensor of a layer has timed out."""
-        return all([layer.is_current(now) for layer in self.layers])
+        return all(layer.is_current(now) for layer in self.layers)
 
     def problems(self) -> Sequence[NavError]:
         """Return those of the layers."""

@@ -16,6 +16,7 @@ from navstack.costmap.obstacle_layer import (
     ObstacleLayerParams,
     cells_in,
     combine_as_nav2,
+    nav2_source,
 )
 from navstack.plugins import LAYERS, LayerContext, ParamModel, param
 
@@ -39,8 +40,8 @@ VOXEL_GRID = np.dtype(
 )
 """Settings of the kernels below: the grid (m, m per cell), the heights between which points count (m), the thresholds.
 
-Rays end at the height `ray_top` (m) and `border` cells inside the upper borders of the map; the share `shortened` of a ray that is
-clipped is cut off.
+Rays end at the height `ray_top` (m) and `border` cells inside the upper borders of the map; the share `shortened` of a ray that
+is clipped is cut off.
 """
 
 
@@ -84,8 +85,9 @@ def ray_ends(points, grid, sensor, reach, size, ends, cells):
     """Compute where the rays from `sensor` (x, y, z) to the points end: shortened by two cells, clipped to the map and the
     heights.
 
-    `size`: columns and rows of the map. Writes to `ends` (6, N): x and y at `reach` at the latest (m), length (cells), then the end
-    in cells along each axis; to `cells` (4, N): ix, iy, iz, and whether the ray is inside the map. Without branches, so that the loop is vectorized.
+    `size`: columns and rows of the map. Writes to `ends` (6, N): x and y at `reach` at the latest (m),
+    length (cells), then the end in cells along each axis; to `cells` (4, N): ix, iy, iz, and whether the ray is inside the map.
+    Without branches, so that the loop is vectorized.
     """
     g = grid[0]
     origin_x, origin_y, origin_z, resolution, z_resolution = (
@@ -126,7 +128,7 @@ def ray_ends(points, grid, sensor, reach, size, ends, cells):
         cut = shortened if t > 0.0 else -shortened
         t = t - cut if outside & (t != 0.0) else t
         wx, wy, wz = sx + a * t, sy + b * t, sz + c * t
-        # ROS differs: there (not in Nav2, which shortens clipped rays) rounding puts some clipped rays just below the origin, and they are lost
+        # ROS differs: there, rounding puts some clipped rays just below the origin, and they are lost
         wx, wy, wz = (
             wx if wx > origin_x else origin_x,
             wy if wy > origin_y else origin_y,
@@ -270,8 +272,13 @@ def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, nearest
 
 
 @kernel
-def clear_voxel_rays_beyond(costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, nearest, nearest_cells, bounds):
-    """As `clear_voxel_rays`, from `nearest` (m; `nearest_cells` in cells) on (Nav2): a line begins that many cells along its ray."""
+def clear_voxel_rays_beyond(
+    costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, nearest, nearest_cells, bounds
+):
+    """As `clear_voxel_rays`, from `nearest` (m; `nearest_cells` in cells) on (Nav2).
+
+    A line begins that many cells along its ray.
+    """
     ny, nx = costs.shape
     g = grid[0]
     origin_x, origin_y, origin_z = g.origin_x, g.origin_y, g.origin_z
@@ -527,10 +534,10 @@ class Nav2VoxelLayer(VoxelLayer):
         combine_as_nav2(self.params.combination_method, master, self.costs, window)
 
     def _nearest_mark(self, seen: Observation) -> float:
-        return seen.source.params.obstacle_min_range
+        return nav2_source(seen).obstacle_min_range
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
-        nearest, reach = seen.source.params.raytrace_min_range, seen.source.params.raytrace_max_range
+        nearest, reach = nav2_source(seen).raytrace_min_range, nav2_source(seen).raytrace_max_range
         if nearest == 0.0 or seen.count == 0:
             return super()._clear(seen, box)
         resolution, settings = self.geometry.resolution, self._kernel_settings()

@@ -101,7 +101,8 @@ class Nav2NavfnParams(ParamModel):
         ge=0.0,
     )
     use_astar: bool = param(
-        False, "A* instead of Dijkstra: expands fewer cells, for a path that may cost more; `navfn` has an A* without that loss"
+        False,
+        "A* instead of Dijkstra: expands fewer cells, for a path that may cost more; `navfn` has an A* without that loss",
     )
     allow_unknown: bool = param(True, "whether paths may cross unknown cells, at cost 253")
     max_cycles_factor: int = param(
@@ -134,11 +135,11 @@ _SAME_POINT_M: float = 1e-4
 class Nav2NavfnPlanner(SearchPlanner):
     """navfn as in Nav2: the wave and the descent of `navfn`, with Nav2's cells, tolerance, end of the path and A*.
 
-    As in Nav2, the cell of a point is the nearest cell corner, so the path lies up to half a cell beside the cells of the costmap:
-    `navfn`, `astar` and `theta_star` do not have that offset. Yaws are 0 but the last one.
+    As in Nav2, the cell of a point is that of the nearest cell corner, so the path lies up to half a cell beside the cells of
+    the costmap: `astar` and `theta_star` do not have that offset. Yaws are 0 but the last one.
 
-    # Nav2 differs: there a start within the last half cell of the map becomes the first cell of the next row, and the number of
-    # rounds and of queued cells is limited; the costmap is never written to (C++ frees the start cell in it).
+    # Nav2 differs: there a start within the last half cell of the map becomes the first cell of the next row, and the number
+    # of rounds and of queued cells is limited; the costmap is never written to (C++ frees the start cell in it).
     """
 
     Params = Nav2NavfnParams

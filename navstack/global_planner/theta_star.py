@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -159,8 +160,9 @@ def sight_cost(cost, blocked, values, weight, nx, x0, y0, x1, y1):
 def lazy_theta_star(cost, blocked, values, weights, nx, ny, start, goal, steps, f, g, parent, queued):
     """Search from the cell `start` to `goal`; return how many cells were expanded, negative if the goal was not reached.
 
-    `values` (256,): traversal value by byte. `weights`: of length (per cell), traversal and heuristic. `steps`: 4 or 8 neighbors. `f` must be inf and `queued` 0
-    everywhere. A cell that is reached gets its value in `f` and its parent; the parent of the start is the start.
+    `values` (256,): traversal value by byte. `weights`: of length (per cell), traversal and heuristic. `steps`: 4 or 8
+    neighbors. `f` must be inf and `queued` 0 everywhere. A cell that is reached gets its value in `f` and its parent; the parent
+    of the start is the start.
     """
     euclidean, traversal, heuristic = weights
     goal_x, goal_y = goal % nx, goal // nx
@@ -303,8 +305,8 @@ class LazyThetaStar(Search):
         while corners[-1] != start:
             corners.append(int(self._parent[corners[-1]]))
         numbers = np.array(corners[::-1], np.int64)
-        centers = np.column_stack((numbers % g.nx, numbers // g.nx)) + 0.5
-        points = interpolated(centers * g.resolution + (g.origin_x, g.origin_y), g.resolution)
+        centers: NDArray[np.float64] = np.column_stack((numbers % g.nx, numbers // g.nx)).astype(np.float64) + 0.5
+        points = interpolated(centers * g.resolution + np.array([g.origin_x, g.origin_y]), g.resolution)
         potential: NDArray[np.float32] | None = None
         if query.keep_potential:
             potential = np.where(self._f < UNREACHED, self._g, np.inf).astype(np.float32).reshape(g.shape)
@@ -320,9 +322,9 @@ def traversal_values() -> NDArray[np.float64]:
 
 
 def interpolated(corners: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return the corners (n, 2) and points between them every `spacing` (m); each stretch ends with a step of up to twice that."""
+    """Return the corners (n, 2) and points between them every `spacing` (m); a stretch ends with a step of up to twice that."""
     parts: list[NDArray[np.float64]] = []
-    for here, after in zip(corners[:-1], corners[1:], strict=True):
+    for here, after in pairwise(corners):
         step = after - here
         length = math.hypot(step[0], step[1])
         # of a stretch of whole cells rounding decides whether its last point is left out, as in Nav2
@@ -366,7 +368,9 @@ class Nav2ThetaStarPlanner(SearchPlanner):
         start_cell, goal_cell = cells_of(costmap, start, goal)
         if start_cell == goal_cell and costmap.data[goal_cell[1], goal_cell[0]] != LETHAL:
             began = time.perf_counter()
-            end = with_yaw_in_range(start if self.params.use_final_approach_orientation else start._replace(yaw=goal.yaw))
+            end = with_yaw_in_range(
+                start if self.params.use_final_approach_orientation else start._replace(yaw=goal.yaw)
+            )
             path = Path(np.array([end], np.float64), costmap.frame)
             return Plan(
                 path=path, cost=0.0, goal=end, goal_moved_m=end.distance_to(goal), took_s=time.perf_counter() - began

@@ -368,8 +368,8 @@ def closest_pose(plan, begin, x, y, search):
 def cut_path(plan, first, length, tx, ty, tyaw, origin_x, origin_y, resolution, nx, ny, out):
     """Write the poses of `plan` (n, 5) from `first` on, transformed by (tx, ty, tyaw), to `out` (m, 3). Returns how many.
 
-    At most m poses, up to the last one that is at most `length` (m) along the plan from the first, or before the first one outside
-    of a grid of nx x ny cells. Yaws are in (-pi, pi].
+    At most m poses, up to the last one that is at most `length` (m) along the plan from the first, or before the first one
+    outside of a grid of nx x ny cells. Yaws are in (-pi, pi].
     """
     c, s = math.cos(tyaw), math.sin(tyaw)
     along = 0.0

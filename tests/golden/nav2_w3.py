@@ -1,4 +1,7 @@
-"""The third part of Nav2's golden data: planners, checkers, layers (NAVSTACK_GOLDEN_NAV2_W3, default `../shared/golden_nav2_w3`)."""
+"""The third part of Nav2's golden data: planners, checkers, layers.
+
+Their folder is NAVSTACK_GOLDEN_NAV2_W3 (default `../shared/golden_nav2_w3`).
+"""
 
 from __future__ import annotations
 

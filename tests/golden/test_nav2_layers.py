@@ -24,7 +24,9 @@ pytestmark = needs_data
 JOBS = jobs("layers")
 
 
-def params_of(cls: type[Layer], own: dict[str, Any], common: dict[str, Any], source: Nav2ObservationSourceParams) -> ParamModel:
+def params_of(
+    cls: type[Layer], own: dict[str, Any], common: dict[str, Any], source: Nav2ObservationSourceParams
+) -> ParamModel:
     """Parameters of a layer: its own, those of the costmap that it reads, Nav2's defects, and one source of observations."""
     model = cls.Params
     values = {key: value for key, value in common.items() if key in model.FROM_PARENT} | own
@@ -39,7 +41,9 @@ def nested(params: dict[str, Any], name: str) -> dict[str, Any]:
     return {key[len(name) + 1 :]: value for key, value in params.items() if key.startswith(f"{name}.")}
 
 
-def plugin_of(name: str, cls: type[Layer], params: dict[str, Any], common: dict[str, Any], source: Any) -> Plugin[Layer]:
+def plugin_of(
+    name: str, cls: type[Layer], params: dict[str, Any], common: dict[str, Any], source: Any
+) -> Plugin[Layer]:
     own = nested(params, name)
     if issubclass(cls, PluginContainerLayer):
         sections: dict[str, Any] = {}
@@ -48,7 +52,7 @@ def plugin_of(name: str, cls: type[Layer], params: dict[str, Any], common: dict[
             inside = {key: value for key, value in nested(own, inner).items() if key != "plugin"}
             read = params_of(LAYERS.get(plugin).cls, inside, common, source)
             model = cls.Params.child_models({"plugins": [inner], inner: {"plugin": plugin}})[inner]
-            sections[inner] = model(**dict(read), plugin=plugin)
+            sections[inner] = model.model_validate({**dict(read), "plugin": plugin})
         own = {key: value for key, value in own.items() if "." not in key} | {"sections": sections}
     return Plugin(name, cls, params_of(cls, own, common, source))
 
@@ -70,7 +74,8 @@ def costmap_of(job: dict[str, Any], case: dict[str, np.ndarray]) -> LayeredCostm
     if "in_map" in case:
         info, cells = case["in_map_info"].tolist(), np.ascontiguousarray(case["in_map"])
         of_message = float(np.float32(info[2]))  # decides in which cell a point on an edge is
-        static_map = OccupancyGrid(cells, GridGeometry(*cells.shape[::-1], of_message, info[0], info[1]))
+        rows, columns = cells.shape
+        static_map = OccupancyGrid(cells, GridGeometry(columns, rows, of_message, info[0], info[1]))
     frames = FrameTree()
     frames.set_static("map", "base_link", Transform2D())
     return LayeredCostmap(

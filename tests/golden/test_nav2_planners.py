@@ -29,7 +29,10 @@ from tests.conftest import golden_nav2_files
 from tests.golden.nav2_w3 import arrays, jobs, needs_data, split, values_of
 
 MAPS = golden_nav2_files("smac_maps.npz")
-pytestmark = [needs_data, pytest.mark.skipif(not MAPS, reason="the golden data of Nav2 are absent (NAVSTACK_GOLDEN_NAV2)")]
+pytestmark = [
+    needs_data,
+    pytest.mark.skipif(not MAPS, reason="the golden data of Nav2 are absent (NAVSTACK_GOLDEN_NAV2)"),
+]
 JOBS = jobs("planners")
 NAVFN = sorted(name for name, job in JOBS.items() if "Navfn" in job["plugin"])
 THETA = sorted(name for name, job in JOBS.items() if "ThetaStar" in job["plugin"])
@@ -51,7 +54,9 @@ def costmap_of(job: dict[str, Any]) -> Costmap:
     maps = np.load(MAPS[0])
     data, info = maps[f"{job['map']}/{job['costmap_name']}"], maps[f"{job['map']}/info"]
     ny, nx = data.shape
-    return Costmap(GridGeometry(nx, ny, float(info[2]), float(info[0]), float(info[1])), np.ascontiguousarray(data), "map")
+    return Costmap(
+        GridGeometry(nx, ny, float(info[2]), float(info[0]), float(info[1])), np.ascontiguousarray(data), "map"
+    )
 
 
 def plan(job: dict[str, Any], costmap: Costmap, query: np.ndarray, *, keep: bool = False) -> tuple[int, Plan | None]:
@@ -137,7 +142,9 @@ def test_theta_star(name: str) -> None:
         own = corners[corners[:, 0] == i, 1:]
         if len(own) > 1:
             start = np.array(query[:2])
-            ix, iy = np.floor((start - (costmap.geometry.origin_x, costmap.geometry.origin_y)) / costmap.geometry.resolution)
+            ix, iy = np.floor(
+                (start - (costmap.geometry.origin_x, costmap.geometry.origin_y)) / costmap.geometry.resolution
+            )
             first = params.w_traversal_cost * (traversal_values()[costmap.data[int(iy), int(ix)]] / 252.0) ** 2
             assert found.cost == pytest.approx(first + cost_of(own, costmap, params), rel=LENGTH), f"query {i}"
         total += 1

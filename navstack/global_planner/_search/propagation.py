@@ -98,7 +98,9 @@ class StraightAStarPropagation(NavfnPropagation):
         """Run the wave to the goal; it takes no guide."""
         assert guide is None
         root, (x, y) = query.start_cell, query.goal_cell
-        first = np.float32(np.float32(math.hypot(root[0] - x, root[1] - y) * NAVFN_NEUTRAL) + np.float32(_NAVFN_THRESHOLD))
+        first = np.float32(
+            np.float32(math.hypot(root[0] - x, root[1] - y) * NAVFN_NEUTRAL) + np.float32(_NAVFN_THRESHOLD)
+        )
         wave.begin_at(query.grid, query.costs, root, (x, y), threshold=float(first), rise=NAVFN_RISE)
         wave.aim_at((x, y), NAVFN_NEUTRAL)
         wave.run((x, y))

@@ -137,8 +137,8 @@ def goal_candidates(
 ) -> list[tuple[Pose2D, Cell]]:
     """Acceptable goals, nearest first: the goal, or with a tolerance (m) a lattice in the square around it.
 
-    The lattice begins at goal - tolerance and has the resolution of the costmap (NavfnROS::makePlan). `cell_of` returns the cell of
-    a point (m), None outside the map; by default the cell that contains it.
+    The lattice begins at goal - tolerance and has the resolution of the costmap (NavfnROS::makePlan). `cell_of` returns the cell
+    of a point (m), None outside the map; by default the cell that contains it.
     """
     g = costmap.geometry
     cell_of = cell_of or g.world_to_cell
