@@ -92,14 +92,15 @@ SEEN_THROUGH = 252.0
 @kernel
 def _raise_entry(heap, values, hole, entry):
     """Move an entry up from position `hole` to its place."""
-    value = values[entry]
+    value = values[np.uint64(entry)]
     while hole > 0:
-        above = (hole - 1) // 2
-        if not values[heap[above]] > value:
+        above = (hole - 1) >> 1
+        other = heap[np.uint64(above)]
+        if not values[np.uint64(other)] > value:
             break
-        heap[hole] = heap[above]
+        heap[np.uint64(hole)] = other
         hole = above
-    heap[hole] = entry
+    heap[np.uint64(hole)] = entry
 
 
 @kernel
@@ -110,11 +111,13 @@ def _pop_lowest(heap, values, size):
     if size == 0:
         return lowest
     hole = below = 0
-    while below < (size - 1) // 2:
+    while below < (size - 1) >> 1:
         below = 2 * (below + 1)
-        if values[heap[below]] > values[heap[below - 1]]:
+        right, left = heap[np.uint64(below)], heap[np.uint64(below - 1)]
+        if values[np.uint64(right)] > values[np.uint64(left)]:
             below -= 1
-        heap[hole] = heap[below]
+            right = left
+        heap[np.uint64(hole)] = right
         hole = below
     if size % 2 == 0 and below == (size - 2) // 2:
         below = 2 * below + 1
@@ -131,11 +134,11 @@ def sight_cost(cost, blocked, values, weight, nx, x0, y0, x1, y1):
     A diagonal step needs both cells beside it.
     """
     dx, dy = abs(x1 - x0), abs(y1 - y0)
-    sx, sy = (1 if x0 < x1 else -1), (1 if y0 < y1 else -1)
-    x, y, error = x0, y0, dx - dy
+    sx, sy = (1 if x0 < x1 else -1), (nx if y0 < y1 else -nx)
+    k, end, error = y0 * nx + x0, y1 * nx + x1, dx - dy
     total = 0.0
-    while x != x1 or y != y1:
-        byte = cost[y * nx + x]
+    while k != end:
+        byte = cost[np.uint64(k)]
         value = values[byte]
         if byte == 255:
             if blocked[255]:
@@ -146,13 +149,13 @@ def sight_cost(cost, blocked, values, weight, nx, x0, y0, x1, y1):
         total += weight * value * value / 252.0 / 252.0
         twice = 2 * error
         if twice > -dy and twice <= dx:
-            if blocked[cost[y * nx + x + sx]] or blocked[cost[(y + sy) * nx + x]]:
+            if blocked[cost[np.uint64(k + sx)]] or blocked[cost[np.uint64(k + sy)]]:
                 return -1.0
-            x, y, error = x + sx, y + sy, error + dx - dy
+            k, error = k + sx + sy, error + dx - dy
         elif twice > -dy:
-            x, error = x + sx, error - dy
+            k, error = k + sx, error - dy
         else:
-            y, error = y + sy, error + dx
+            k, error = k + sy, error + dx
     return total
 
 
@@ -181,9 +184,11 @@ def lazy_theta_star(cost, blocked, values, weights, nx, ny, start, goal, steps, 
         if k == goal:
             return expanded
         queued[k] = 0
-        x, y = k % nx, k // nx
+        y = np.int64(np.uint32(k) // np.uint32(nx))
+        x = k - y * nx
         above = parent[parent[k]]
-        ax, ay = above % nx, above // nx
+        ay = np.int64(np.uint32(above) // np.uint32(nx))
+        ax = above - ay * nx
         line = sight_cost(cost, blocked, values, traversal, nx, x, y, ax, ay)
         if line >= 0.0:
             through = g[above] + euclidean * math.hypot(x - ax, y - ay) + line
