@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from functools import cached_property
+from typing import ClassVar, overload
 
 import numpy as np
 
@@ -187,12 +188,9 @@ class Nav2NavfnPlanner(SearchPlanner):
         cells_of(costmap, start, goal)
         return _clipped(costmap.geometry, start), _clipped(costmap.geometry, goal)
 
-    def _goals(self, begin: SearchStart, goal: Pose2D, tolerance: float) -> list[tuple[Pose2D, Cell]]:
+    def _goals(self, begin: SearchStart, goal: Pose2D, tolerance: float) -> Sequence[tuple[Pose2D, Cell]]:
         # blocked ones, too: the wave runs until it reaches the goal's own cell
-        g = begin.space.costmap.geometry
-        own = goal, _clipped(g, goal)
-        around = goal_candidates(begin.space.costmap, goal, tolerance, lambda x, y: _rounded_cell(g, x, y))
-        return [own, *(candidate for candidate in around if candidate[0] is not goal)]
+        return _Goals(begin.space.costmap, goal, tolerance)
 
     def _plan(self, request: Request, begin: SearchStart, route: Route, began: float) -> Plan:
         points, goal = route.points, route.goal
@@ -226,6 +224,33 @@ class Nav2NavfnPlanner(SearchPlanner):
         return errors.no_path(
             begin.space, request.start, request.goal, (begin.cell, cells[1]), result.nearest, expanded=result.expanded
         )
+
+
+class _Goals(Sequence[tuple[Pose2D, Cell]]):
+    """The goal, and the points around it, which are listed when the goal has not been reached: that takes half a millisecond."""
+
+    def __init__(self, costmap: Costmap, goal: Pose2D, tolerance: float) -> None:
+        self._costmap, self._tolerance = costmap, tolerance
+        self._own = goal, _clipped(costmap.geometry, goal)
+
+    @cached_property
+    def _all(self) -> list[tuple[Pose2D, Cell]]:
+        g, goal = self._costmap.geometry, self._own[0]
+        around = goal_candidates(self._costmap, goal, self._tolerance, lambda x, y: _rounded_cell(g, x, y))
+        return [self._own, *(candidate for candidate in around if candidate[0] is not goal)]
+
+    @overload
+    def __getitem__(self, index: int) -> tuple[Pose2D, Cell]: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[tuple[Pose2D, Cell]]: ...
+    def __getitem__(self, index: int | slice) -> tuple[Pose2D, Cell] | Sequence[tuple[Pose2D, Cell]]:
+        return self._own if index == 0 else self._all[index]
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __bool__(self) -> bool:
+        return True
 
 
 def _rounded_cell(g: GridGeometry, x: float, y: float) -> Cell | None:

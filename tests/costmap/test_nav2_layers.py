@@ -172,6 +172,7 @@ YAML = {
 }
 
 
+@pytest.mark.slow
 def test_a_container_from_a_file() -> None:
     made = load_configuration(["turtlebot", YAML]).global_costmap
     box = made.layers[1].params
@@ -243,6 +244,7 @@ def test_combination_methods(method: int, expected: tuple[int, int, int]) -> Non
     assert (data[20, 15], data[20, 20], data[24, 20]) == (expected[0], 254, third)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_no_space_nearer_than_the_minimum_is_cleared(seed: int) -> None:
@@ -268,6 +270,7 @@ def test_no_space_nearer_than_the_minimum_is_cleared(seed: int) -> None:
     assert (away > cells[1] - 1.5).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_voxel_rays_without_a_minimum(seed: int) -> None:

@@ -34,8 +34,16 @@ pytestmark = [
     pytest.mark.skipif(not MAPS, reason="the golden data of Nav2 are absent (NAVSTACK_GOLDEN_NAV2)"),
 ]
 JOBS = jobs("planners")
-NAVFN = sorted(name for name, job in JOBS.items() if "Navfn" in job["plugin"])
-THETA = sorted(name for name, job in JOBS.items() if "ThetaStar" in job["plugin"])
+
+
+def of_plugin(plugin: str) -> list[Any]:
+    """Names of jobs; those of the smallest map are quick."""
+    names = sorted(name for name, job in JOBS.items() if plugin in job["plugin"])
+    quick = [name for name in names if JOBS[name]["map"] == "office"] or names[:1]
+    return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+NAVFN, THETA = of_plugin("Navfn"), of_plugin("ThetaStar")
 POTENTIAL = 6e-4
 """Difference of two builds (5e-4), with its last digit."""
 PATH_M = 4e-4

@@ -2,10 +2,10 @@
 
     python tools/bench/nav2_planners.py [JOB ..] [--repeats N] [--data FOLDER]
 
-The jobs and the C++ times are those of FOLDER (default: NAVSTACK_GOLDEN_NAV2_W3, else `../shared/golden_nav2_w3`), the maps those
-of `golden_nav2`. Times are processor time of `make_plan` with a new planner per query, best of the repeats, and the median over the
-queries; of a layer job, one update of its costmap, best of the repeats of the whole run. C++'s are scaled by the calibration,
-in processor time as well, taken next to each job: above 1, navstack is faster.
+The jobs and the C++ times are those of FOLDER (default: NAVSTACK_GOLDEN_NAV2_W3, else `../shared/golden_nav2_w3`), the maps
+those of `golden_nav2`. Times are processor time of `make_plan` with a new planner per query, best of the repeats, and the median
+over the queries; of a layer job, one update of its costmap, best of the repeats of the whole run. C++'s are scaled by the
+calibration, in processor time as well, taken next to each job: above 1, navstack is faster.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
@@ -65,7 +66,7 @@ class Query(NamedTuple):
     start_cell: Cell
     lead: NDArray[np.float64]
     """(n, 2) points of the path before `start`, see `SearchStart`."""
-    goals: list[tuple[Pose2D, Cell]]
+    goals: Sequence[tuple[Pose2D, Cell]]
     """Acceptable goals that are not blocked, in order of preference; at least one."""
     keep_potential: bool
 
@@ -171,7 +172,7 @@ class SearchPlanner(GlobalPlanner):
         """The cells of start and goal. Raises InputError, StartOutsideMapError or GoalOutsideMapError."""
         return cells_of(costmap, start, goal)
 
-    def _goals(self, begin: SearchStart, goal: Pose2D, tolerance: float) -> list[tuple[Pose2D, Cell]]:
+    def _goals(self, begin: SearchStart, goal: Pose2D, tolerance: float) -> Sequence[tuple[Pose2D, Cell]]:
         """The acceptable goals with their cells, in order of preference."""
         return [
             (pose, cell)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -209,7 +210,7 @@ class WaveRun:
         propagation: Propagation,
         query: WaveQuery,
         *,
-        goal_cells: list[Cell] | None = None,
+        goals: Sequence[tuple[Pose2D, Cell]] = (),
         keep_potential: bool = False,
     ) -> None:
         self.wave = wave
@@ -219,7 +220,7 @@ class WaveRun:
         """(ny, nx) potential of the last run, if it was requested."""
         self.is_guided = False
         """Whether the last run had a guide."""
-        self._goal_cells = goal_cells or [query.goal_cell]
+        self._goals = goals or [(query.goal, query.goal_cell)]
         self._keep_potential = keep_potential
 
     def run(self, guide: Guide | None = None) -> float:
@@ -234,7 +235,7 @@ class WaveRun:
         self.propagation.complete(wave, query, guide)
         found = wave.potential_of(*query.goal_cell)
         if found == math.inf and wave.is_exhausted:
-            found = min(wave.potential_of(*cell) for cell in self._goal_cells)
+            found = min(wave.potential_of(*cell) for _, cell in self._goals)
             if found == math.inf:
                 raise SearchExhausted
         return found

@@ -267,13 +267,13 @@ class WaveSearch(Search):
         # a wave does not enter the outermost cells: if they are not blocked, it runs on a larger grid
         pad = 0 if self.border_blocked else 1
         grid = _padded(query.space.costmap) if pad else query.space.costmap
-        goals = [(pose, (ix + pad, iy + pad)) for pose, (ix, iy) in query.goals]
+        goals = [(pose, (ix + 1, iy + 1)) for pose, (ix, iy) in query.goals] if pad else query.goals
         start_cell = query.start_cell[0] + pad, query.start_cell[1] + pad
         run = WaveRun(
             self.wave,
             self._propagation,
             WaveQuery(grid, self._wave_costs, query.start, start_cell, *goals[0]),
-            goal_cells=[cell for _, cell in goals],
+            goals=goals,
             keep_potential=query.keep_potential or self._keep_potential,
         )
         try:
