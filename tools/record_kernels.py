@@ -19,7 +19,8 @@ DRIVE: Final = ("simulate", "office")
 PLANS: Final[dict[str, tuple[str, ...]]] = {
     "navfn": PLAN,
     **{
-        name: (*PLAN, "--planner", name) for name in ("global_planner", "astar", "theta_star", "smac_2d", "smac_hybrid")
+        name: (*PLAN, "--planner", name)
+        for name in ("global_planner", "astar", "theta_star", "smac_2d", "smac_hybrid", "nav2_navfn", "nav2_theta_star")
     },
     **{name: (*PLAN, "--smoother", name) for name in ("simple", "savitzky_golay", "constrained")},
 }

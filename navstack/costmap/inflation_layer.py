@@ -8,7 +8,7 @@ then one along the rows; both limited to the inflation radius).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -238,7 +238,7 @@ def nearest_lethal(costs: NDArray[np.uint8], ix: int, iy: int, radius: int) -> t
     return (int(columns[best]) + x0, int(rows[best]) + y0) if squared[best] <= radius * radius else None
 
 
-@LAYERS.register("inflation", aliases=("costmap_2d/InflationLayer", "nav2_costmap_2d/InflationLayer"))
+@LAYERS.register("inflation", aliases=("costmap_2d/InflationLayer",))
 class InflationLayer(Layer):
     """Costs around obstacles, higher the nearer, which keep the robot's center away. 1 byte per cell."""
 
@@ -264,6 +264,7 @@ class InflationLayer(Layer):
         self._margin = 0.0
         self._last = Bounds()
         self._everything = True
+        self._around_unknown = False
 
     def match_size(self, geometry: GridGeometry) -> None:
         """Allocate; tabulate the costs."""
@@ -299,7 +300,7 @@ class InflationLayer(Layer):
         """Raise the costs around every lethal cell in or near the window."""
         if not self.params.enabled or self.radius_cells == 0:
             return
-        if self.radius_cells > MAX_CELLS:
+        if self.radius_cells > MAX_CELLS or self._around_unknown:
             self._inflate_far(master, window)
             return
         self._inflate(
@@ -315,19 +316,22 @@ class InflationLayer(Layer):
         )
 
     def _inflate_far(self, master: Costmap, window: Window) -> None:
-        """Inflate with scipy's distance transform, for radii above the kernel's limit."""
+        """Inflate with scipy's distance transform, for radii above the kernel's limit, and around unknown cells."""
         from scipy import ndimage
 
         reach = self.radius_cells
         y0, x0 = max(0, window.y0 - reach), max(0, window.x0 - reach)
-        lethal = master.data[y0 : window.y1 + reach, x0 : window.x1 + reach] == LETHAL
+        around = master.data[y0 : window.y1 + reach, x0 : window.x1 + reach]
+        lethal = around == LETHAL
+        if self._around_unknown:
+            lethal |= around == UNKNOWN
         if not lethal.any():
             return
         distance: Any = ndimage.distance_transform_edt
         cells: NDArray[np.float64] = distance(~lethal)
         cells = np.sqrt(np.rint(cells[window.y0 - y0 : window.y1 - y0, window.x0 - x0 : window.x1 - x0] ** 2))
-        costs = inflation_cost(cells * self._resolution, self.inscribed_radius, self.params.cost_scaling_factor)
-        costs[cells > reach] = 0
+        costs = self._costs_at(cells)
+        costs[self._is_beyond(cells)] = 0
         old = master.data[window.slices]
         unknown = old == UNKNOWN
         np.maximum(old, costs, out=old)
@@ -361,6 +365,18 @@ class InflationLayer(Layer):
         self._everything = True
         return 0
 
+    def _is_beyond(self, cells_away: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return where distances in cells are beyond the inflation radius."""
+        return cells_away > self.radius_cells
+
+    def _margin_of(self, radius: float, whole_cells: float) -> float:
+        """Return by how much (m) bounds grow: the inflation radius, or that in whole cells."""
+        return max(radius, whole_cells)
+
+    def _costs_at(self, cells_away: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return the costs at distances in cells from a lethal cell."""
+        return inflation_cost(cells_away * self._resolution, self.inscribed_radius, self.params.cost_scaling_factor)
+
     def _tabulate(self) -> None:
         geometry = self._geometry
         if geometry is None:
@@ -376,17 +392,84 @@ class InflationLayer(Layer):
         cells = max(0, math.ceil(radius / resolution))
         self.radius_cells = min(cells, geometry.nx + geometry.ny)
         self._resolution = resolution
-        self._margin = max(radius, cells * geometry.resolution)
+        self._margin = self._margin_of(radius, cells * geometry.resolution)
         if self.radius_cells > MAX_CELLS:
             return
         # cost at `row` cells across and 1 .. n cells along, then 0 cells along; n in whole vectors of 16 bytes
         across = np.arange(self.radius_cells + 1.0)
         along = np.append(np.arange(1.0, 16 * math.ceil(max(self.radius_cells, 1) / 16) + 1.0), 0.0)
         cells_away = np.hypot(across[:, None], along[None, :])
-        costs = inflation_cost(cells_away * resolution, self.inscribed_radius, self.params.cost_scaling_factor)
-        costs[cells_away > self.radius_cells] = 0
+        costs = self._costs_at(cells_away)
+        costs[self._is_beyond(cells_away)] = 0
         self._ahead = np.ascontiguousarray(costs)
         self._behind = np.ascontiguousarray(costs[:, ::-1])
         self._rows = np.zeros((2, geometry.nx + 2 * costs.shape[1] + 16), np.uint8)
         self._near = np.zeros(8 * (geometry.nx // 8 + 4), np.uint8)
         self._near_words = self._near.view(np.uint64)
+
+
+STEPS_PER_CELL = 100
+"""Nav2 looks the cost up by the distance in hundredths of a cell."""
+
+ROUNDED_UP = frozenset({7, 13, 15, 95, 105, 117, 119, 125, 223, 241, 253})
+"""Radii (cells), and their products with powers of 2, at exactly which Nav2 does not inflate.
+
+It takes roots by Eigen's fast square root: x86's approximate reciprocal root and one step of Newton's method, in float32. That
+of the square of these numbers is the float32 above the number. Up to the radius of 253 cells there are no others.
+"""
+
+
+class Nav2InflationLayerParams(InflationLayerParams):
+    """Parameters of Nav2's inflation layer."""
+
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {"num_threads": "one thread is used"}
+
+    inflate_around_unknown: bool = param(False, "inflate around unknown cells too, as around lethal ones")
+    custom_inscribed_radius: float = param(
+        -1.0, "inscribed radius for the costs; negative: that of the footprint", unit="m"
+    )
+
+    CLAMPED: ClassVar[frozenset[str]] = frozenset()
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset()
+
+
+@LAYERS.register("nav2_inflation", aliases=("nav2_costmap_2d/InflationLayer",))
+class Nav2InflationLayer(InflationLayer):
+    """Costs around obstacles, by Nav2's rules: the distance is rounded to a hundredth of a cell before the cost is computed, and
+    cells at exactly the inflation radius are left out where Nav2's square root rounds it up.
+    """
+
+    Params: ClassVar[type[ParamModel]] = Nav2InflationLayerParams
+    AS_NAV2 = True
+    LIVE: ClassVar[frozenset[str]] = InflationLayer.LIVE | {"inflate_around_unknown", "custom_inscribed_radius"}
+
+    def __init__(self, params: Any, context: LayerContext) -> None:
+        super().__init__(params, context)
+        self._around_unknown = bool(params.inflate_around_unknown)
+        self.set_footprint(context.footprint)
+
+    def set_footprint(self, footprint: Footprint) -> None:
+        """Replace the inscribed radius; inflate everything again."""
+        self._footprint = footprint
+        custom = self.params.custom_inscribed_radius
+        self.inscribed_radius = custom if custom >= 0.0 else footprint.inscribed_radius
+        self._tabulate()
+
+    def set_params(self, params: Any) -> None:
+        """Replace the parameters; inflate everything again."""
+        self._around_unknown = bool(params.inflate_around_unknown)
+        super().set_params(params)
+        self.set_footprint(self._footprint)
+
+    def _is_beyond(self, cells_away: NDArray[np.float64]) -> NDArray[np.bool_]:
+        radius = self.radius_cells
+        odd = radius // max(radius & -radius, 1)
+        return cells_away >= radius if odd in ROUNDED_UP else cells_away > radius
+
+    def _margin_of(self, radius: float, whole_cells: float) -> float:
+        return radius
+
+    def _costs_at(self, cells_away: NDArray[np.float64]) -> NDArray[np.uint8]:
+        steps = np.floor(cells_away.astype(np.float32) * np.float32(STEPS_PER_CELL) + np.float32(0.5))
+        cells = np.minimum(steps, self.radius_cells * STEPS_PER_CELL + 1).astype(np.float64) / STEPS_PER_CELL
+        return inflation_cost(cells * self._resolution, self.inscribed_radius, self.params.cost_scaling_factor)

@@ -31,6 +31,7 @@ from navstack.core import (
     clean_frame,
 )
 from navstack.costmap.inflation_layer import InflationLayer
+from navstack.costmap.plugin_container_layer import PluginContainerLayer
 from navstack.costmap.static_layer import StaticLayer
 from navstack.costmap.windows import fill_window, shift_cells, window_shift
 from navstack.parameters import CostmapParams
@@ -56,7 +57,7 @@ def explain_cell(costmap: LayeredCostmap, ix: int, iy: int, *, follow: bool = Tr
     master = costmap.master
     nx, ny = master.geometry.nx, master.geometry.ny
     # an inflated cost depends on cells up to the inflation radius away
-    reach = 1 + max((x.radius_cells for x in costmap.layers if isinstance(x, InflationLayer)), default=0)
+    reach = 1 + max((x.radius_cells for x in flattened(costmap.layers) if isinstance(x, InflationLayer)), default=0)
     window = Window(max(0, ix - reach), max(0, iy - reach), min(nx, ix + reach + 1), min(ny, iy + reach + 1))
     copy = Costmap(master.geometry, master.data.copy(), master.frame)
     copy.data[window.slices] = costmap.default_cost
@@ -92,6 +93,16 @@ def explain_cell(costmap: LayeredCostmap, ix: int, iy: int, *, follow: bool = Tr
         obstacle,
         stale=cost != int(copy.data[iy, ix]),
     )
+
+
+def flattened(layers: Sequence[Layer]) -> list[Layer]:
+    """Return the layers, each container followed by the layers inside it."""
+    found: list[Layer] = []
+    for layer in layers:
+        found.append(layer)
+        if isinstance(layer, PluginContainerLayer):
+            found += flattened(layer.layers)
+    return found
 
 
 EMPTY: Final = Bounds()
@@ -150,6 +161,8 @@ class LayeredCostmap:
             self._layers.append(spec.cls(spec.params, context))
         self._listeners = [x for x in self._layers if type(x).observe is not Layer.observe]
         self._reporters = [x for x in self._layers if type(x).problems is not Layer.problems]
+        self._cells_short = 0.0 if any(x.AS_NAV2 for x in self._layers) else 0.5
+        """How many cells the size of a window is short of when it rolls: costmap_2d's getSizeInMeters returns n - 0.5 cells."""
         self._limiters = [x for x in self._layers if type(x).speed_limit is not Layer.speed_limit]
         geometry = self._initial_geometry()
         self.master = Costmap(geometry, frame=self.frame)
@@ -287,7 +300,7 @@ class LayeredCostmap:
     def set_static_map(self, grid: OccupancyGrid) -> bool:
         """Replace the static map, and the size of a costmap that does not roll. Return False if no layer accepts the map."""
         taken = False
-        for layer in self._layers:
+        for layer in flattened(self._layers):
             if isinstance(layer, StaticLayer):
                 taken = layer.set_map(grid) or taken
         if taken and not self.rolling_window:
@@ -335,7 +348,7 @@ class LayeredCostmap:
     def _initial_geometry(self) -> GridGeometry:
         params = self.params
         if not params.rolling_window:
-            for layer in self._layers:
+            for layer in flattened(self._layers):
                 if isinstance(layer, StaticLayer):
                     return layer.geometry
         # truncated as in costmap_2d_ros.cpp; the small term corrects rounding such as 0.3 / 0.1 = 2.9999999999999996
@@ -360,9 +373,8 @@ class LayeredCostmap:
         """
         old = self.master.geometry
         resolution = old.resolution
-        # half of (n - 0.5) cells, not of n, as costmap_2d's getSizeInMeters returns it
-        dx = int((robot.x - (old.nx - 0.5) * resolution / 2.0 - old.origin_x) / resolution)
-        dy = int((robot.y - (old.ny - 0.5) * resolution / 2.0 - old.origin_y) / resolution)
+        dx = int((robot.x - (old.nx - self._cells_short) * resolution / 2.0 - old.origin_x) / resolution)
+        dy = int((robot.y - (old.ny - self._cells_short) * resolution / 2.0 - old.origin_y) / resolution)
         if dx == 0 and dy == 0:
             return
         self._moved = (self._moved[0] + dx, self._moved[1] + dy)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from typing import ClassVar, Final, Literal
 
 import numpy as np
@@ -156,6 +157,52 @@ class ObservationSourceParams(ParamModel):
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"obstacle_range", "raytrace_range"})
 
 
+class Nav2ObservationSourceParams(ParamModel):
+    """One source of Nav2's obstacle or voxel layer: `<layer>/<source>:`."""
+
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {
+        "transport_type": "messages are received as they are",
+    }
+
+    topic: str = param("", "topic of the messages; the source's name if empty")
+    sensor_frame: str = param("", "frame of the sensor's origin; the message's frame if empty")
+    observation_persistence: float = param(0.0, "lifetime of an observation; 0 = only the latest", unit="s", ge=0.0)
+    expected_update_rate: float = param(
+        0.0, "longest time between two messages (a period, despite its name); 0 = no limit", unit="s", ge=0.0
+    )
+    min_valid_share: float = param(
+        0.1,
+        "share of a message's beams or points that must be valid; a message with fewer does not count for "
+        "expected_update_rate; 0 = every message counts; not a parameter of Nav2",
+        ge=0.0,
+        le=1.0,
+    )
+    data_type: Literal["PointCloud2", "LaserScan"] = param("LaserScan", "type of the messages")
+    min_obstacle_height: float = param(0.0, "points below are ignored", unit="m")
+    max_obstacle_height: float = param(0.0, "points above are ignored: a source must set it", unit="m")
+    inf_is_valid: bool = param(False, "beams without a hit clear the space up to range_max (LaserScan)")
+    clearing: bool = param(False, "clear the space between sensor and points")
+    marking: bool = param(True, "mark the points as obstacles")
+    obstacle_max_range: float = param(2.5, "points farther away are not marked", unit="m", ge=0.0)
+    obstacle_min_range: float = param(0.0, "points nearer are not marked", unit="m", ge=0.0)
+    raytrace_max_range: float = param(3.0, "space farther away is not cleared", unit="m", ge=0.0)
+    raytrace_min_range: float = param(0.0, "space nearer is not cleared", unit="m", ge=0.0)
+
+    @property
+    def obstacle_range(self) -> float:
+        """`obstacle_max_range`, as ROS 1 calls it."""
+        return self.obstacle_max_range
+
+    @property
+    def raytrace_range(self) -> float:
+        """`raytrace_max_range`, as ROS 1 calls it."""
+        return self.raytrace_max_range
+
+
+SourceParams = ObservationSourceParams | Nav2ObservationSourceParams
+"""Parameters of a source of either layer."""
+
+
 class Observation:
     """Points (n, 3) float32 in the costmap's frame, seen from `x, y, z` (m) at `stamp` (s)."""
 
@@ -179,9 +226,7 @@ class ObservationBuffer:
     uses one scan in ten.
     """
 
-    def __init__(
-        self, name: str, params: ObservationSourceParams, *, frame: str, frames: FrameTree, tolerance_s: float
-    ) -> None:
+    def __init__(self, name: str, params: SourceParams, *, frame: str, frames: FrameTree, tolerance_s: float) -> None:
         self.name = name
         self.params = params
         self.topic = (params.topic or name).removeprefix("/")
@@ -213,16 +258,17 @@ class ObservationBuffer:
         {
             *("expected_update_rate", "min_valid_share", "inf_is_valid", "obstacle_range", "raytrace_range"),
             *("min_obstacle_height", "max_obstacle_height"),
+            *("obstacle_max_range", "obstacle_min_range", "raytrace_max_range", "raytrace_min_range"),
         }
     )
     """Parameters that may change at run time."""
 
-    def may_become(self, params: ObservationSourceParams) -> bool:
+    def may_become(self, params: SourceParams) -> bool:
         """Return True if the parameters differ in `LIVE` only."""
         old = self.params
         return all(name in self.LIVE or getattr(old, name) == getattr(params, name) for name in type(old).model_fields)
 
-    def set_params(self, params: ObservationSourceParams) -> None:
+    def set_params(self, params: SourceParams) -> None:
         """Replace the parameters; they differ in `LIVE` only."""
         self.params = params
         self._height = math.nan

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,20 @@ from navstack.core import (
     line_next,
     line_start,
 )
-from navstack.costmap.observation_buffer import Observation, ObservationBuffer, ObservationSourceParams
-from navstack.costmap.windows import clear_region, combine_max, combine_overwrite, shift_cells, window_shift
+from navstack.costmap.observation_buffer import (
+    Nav2ObservationSourceParams,
+    Observation,
+    ObservationBuffer,
+    ObservationSourceParams,
+)
+from navstack.costmap.windows import (
+    clear_region,
+    combine_known_max,
+    combine_max,
+    combine_overwrite,
+    shift_cells,
+    window_shift,
+)
 from navstack.plugins import (
     LAYERS,
     CellExplanation,
@@ -151,6 +163,88 @@ def mark_points(costs, serials, serial, points, count, grid, sx, sy, sz, reach, 
         serials[iy, ix] = serial
         min_x, min_y, max_x, max_y = min(min_x, px), min(min_y, py), max(max_x, px), max(max_y, py)
     bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+
+
+@kernel
+def clear_rays_beyond(costs, points, count, grid, sx, sy, reach, reach_cells, nearest, nearest_cells, bounds):
+    """As `clear_rays`, from `nearest` (m; `nearest_cells` in cells) on (Nav2).
+
+    As in Nav2, the line begins at the cell that many cells along the ray, and is as long as that to `reach` would be.
+    """
+    ny, nx = costs.shape
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    if not (sx >= origin_x and sy >= origin_y):
+        return False
+    fx, fy = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+    if not (fx < nx and fy < ny):
+        return False
+    x0, y0 = int(fx), int(fy)
+    flat = costs.reshape(-1)
+    ends, cells = np.empty((2, count)), np.empty((3, count), np.int32)
+    line_ends(points, grid, (sx, sy), reach, (float(nx), float(ny)), ends, cells)
+    bounds[0], bounds[1] = min(bounds[0], sx), min(bounds[1], sy)
+    bounds[2], bounds[3] = max(bounds[2], sx), max(bounds[3], sy)
+    for i in range(count):
+        if cells[2, i] == 0:
+            continue
+        ex, ey = ends[0, i], ends[1, i]
+        if math.hypot(ex - sx, ey - sy) >= nearest:
+            bounds[0], bounds[1] = min(bounds[0], ex), min(bounds[1], ey)
+            bounds[2], bounds[3] = max(bounds[2], ex), max(bounds[3], ey)
+        x1, y1 = np.int64(cells[0, i]), np.int64(cells[1, i])
+        length = math.hypot(x1 - x0, y1 - y0)
+        if length < nearest_cells:
+            continue
+        first_x, first_y = x0, y0
+        if length > 0.0:
+            first_x = int(x0 + (x1 - x0) / length * nearest_cells)
+            first_y = int(y0 + (y1 - y0) / length * nearest_cells)
+        line = line_start(first_x, first_y, x1, y1, nx)
+        steps = line[0]
+        if length > reach_cells:
+            steps = int(reach_cells / length * line[0])
+        cell, error = first_y * nx + first_x, line[0] // 2
+        for _ in range(steps + 1):
+            flat[cell] = 0
+            cell, error = line_next(cell, error, line)
+    return True
+
+
+@kernel
+def mark_points_within(costs, serials, serial, points, count, grid, heights, sx, sy, ranges, range_cells, bounds):
+    """Mark the cells of the points within `ranges` (m, nearest and farthest, in 2-D) and `range_cells` (cells) as lethal (Nav2).
+
+    `heights`: lowest and highest (m). Nothing is marked if the sensor is outside the map. Grows `bounds`.
+    """
+    ny, nx = costs.shape
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    bottom, top = heights
+    nearest, farthest = ranges
+    nearest_cells, farthest_cells = range_cells
+    if not (sx >= origin_x and sy >= origin_y):
+        return
+    fx, fy = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+    if not (fx < nx and fy < ny):
+        return
+    x0, y0 = int(fx), int(fy)
+    for i in range(count):
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        if pz < bottom or pz > top or not (px >= origin_x and py >= origin_y):
+            continue
+        fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
+        if not (fx < nx and fy < ny):
+            continue
+        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy)
+        if squared > farthest * farthest or squared < nearest * nearest:
+            continue
+        ix, iy = int(fx), int(fy)
+        away = int(math.hypot(ix - x0, iy - y0))
+        if away > farthest_cells or away < nearest_cells:
+            continue
+        costs[iy, ix] = 254
+        serials[iy, ix] = serial
+        bounds[0], bounds[1] = min(bounds[0], px), min(bounds[1], py)
+        bounds[2], bounds[3] = max(bounds[2], px), max(bounds[3], py)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -326,7 +420,7 @@ class MarkLog:
         return self._names[self._sources[serial]], self._stamps[serial]
 
 
-OVERWRITE, MAXIMUM = 0, 1
+OVERWRITE, MAXIMUM, KNOWN_MAXIMUM = 0, 1, 2
 
 
 class ObstacleLayerParams(ParamModel):
@@ -380,7 +474,7 @@ class ObstacleLayerParams(ParamModel):
                 yield Issue("warning", "drops-every-point", (f"{name}/min_obstacle_height",), message)
 
 
-@LAYERS.register("obstacle", aliases=("costmap_2d/ObstacleLayer", "nav2_costmap_2d/ObstacleLayer"))
+@LAYERS.register("obstacle", aliases=("costmap_2d/ObstacleLayer",))
 class ObstacleLayer(Layer):
     """Obstacles seen by sensors.
 
@@ -536,9 +630,13 @@ class ObstacleLayer(Layer):
                     self.costs, self._placed, first, last, self._spans, g.origin_x, g.origin_y, g.resolution, 0
                 )
                 first = last
-        if params.combination_method == MAXIMUM:
+        self._combine(master, window)
+
+    def _combine(self, master: Costmap, window: Window) -> None:
+        """Write the costs into the master grid by the combination method."""
+        if self.params.combination_method == MAXIMUM:
             self._combine_max(master.data, self.costs, *window)
-        elif params.combination_method == OVERWRITE:
+        elif self.params.combination_method == OVERWRITE:
             combine_overwrite(master.data, self.costs, *window)
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
@@ -658,6 +756,127 @@ class ObstacleLayer(Layer):
         cells = cells_in(reach, self.geometry.resolution)
         settings = self._kernel_settings()
         return self._clear_rays(self.costs, seen.points, seen.count, settings, seen.x, seen.y, reach, cells, box)
+
+
+class Nav2ObstacleLayerParams(ParamModel):
+    """Parameters of Nav2's obstacle layer."""
+
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {
+        "tf_filter_tolerance": "a message waits for its transform, at most transform_tolerance late",
+    }
+
+    enabled: bool = param(True, "apply this layer")
+    footprint_clearing_enabled: bool = param(True, "clear the cells under the robot's footprint")
+    min_obstacle_height: float = param(0.0, "points below are ignored", unit="m")
+    max_obstacle_height: float = param(2.0, "points above are ignored", unit="m")
+    combination_method: int = param(
+        1,
+        "0 overwrites the layers below, 1 takes the larger cost, 2 the larger cost in known cells of the layers below; another "
+        "value counts as 1, as in Nav2",
+    )
+    track_unknown_space: bool | None = param(
+        None, "unobserved cells are unknown instead of free; the costmap's own setting if absent"
+    )
+    transform_tolerance: float = param(0.3, "time tolerance of a message's transform", unit="s", ge=0.0)
+    observation_sources: str = param("", "names of the sources, separated by spaces")
+    sources: dict[str, Nav2ObservationSourceParams] = param({}, "parameters of the sources, by name")
+
+    CHILD_FIELD: ClassVar[str | None] = "sources"
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset({"track_unknown_space", "transform_tolerance"})
+
+    @classmethod
+    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
+        """One namespace for each name in `observation_sources`."""
+        return dict.fromkeys(str(values.get("observation_sources", "")).split(), Nav2ObservationSourceParams)
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield sources whose marks are never cleared or whose points are all dropped."""
+        del context
+        for name, source in self.sources.items():
+            if source.marking and source.obstacle_max_range > source.raytrace_max_range:
+                message = (
+                    f"obstacle_max_range = {source.obstacle_max_range:g} m of the source {name} exceeds its raytrace_max_range = "
+                    f"{source.raytrace_max_range:g} m, so obstacles marked between the two are never cleared; set "
+                    "raytrace_max_range to the larger value"
+                )
+                keys = (f"{name}/obstacle_max_range", f"{name}/raytrace_max_range")
+                yield Issue("warning", "marks-beyond-clearing", keys, message)
+            bottom = max(source.min_obstacle_height, self.min_obstacle_height)
+            top = min(source.max_obstacle_height, self.max_obstacle_height)
+            if bottom > top:
+                message = (
+                    f"the source {name} drops every point: min_obstacle_height {bottom:g} m is above max_obstacle_height "
+                    f"{top:g} m (the stricter ones of source and layer); correct one of the heights"
+                )
+                yield Issue("warning", "drops-every-point", (f"{name}/min_obstacle_height",), message)
+
+
+@LAYERS.register("nav2_obstacle", aliases=("nav2_costmap_2d/ObstacleLayer",))
+class Nav2ObstacleLayer(ObstacleLayer):
+    """Obstacles seen by sensors, by Nav2's rules.
+
+    As `obstacle`, but ranges are those of the plane, include their limits, and have minima; points below `min_obstacle_height`
+    are dropped; and combination method 2 keeps unknown cells.
+    """
+
+    Params: ClassVar[type[ParamModel]] = Nav2ObstacleLayerParams
+    AS_NAV2 = True
+    LIVE: ClassVar[frozenset[str]] = frozenset(
+        {"enabled", "footprint_clearing_enabled", "min_obstacle_height", "max_obstacle_height", "combination_method"}
+    )
+
+    def _combine(self, master: Costmap, window: Window) -> None:
+        combine_as_nav2(self.params.combination_method, master, self.costs, window)
+
+    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
+        p, source, resolution = self.params, nav2_source(seen), self.geometry.resolution
+        nearest, farthest = source.obstacle_min_range, source.obstacle_max_range
+        mark_points_within(
+            self.costs,
+            self.marks,
+            seen.serial,
+            seen.points,
+            seen.count,
+            self._kernel_settings(),
+            (p.min_obstacle_height, p.max_obstacle_height),
+            seen.x,
+            seen.y,
+            (nearest, farthest),
+            (cells_in(nearest, resolution), cells_in(farthest, resolution)),
+            box,
+        )
+
+    def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
+        nearest, reach = nav2_source(seen).raytrace_min_range, nav2_source(seen).raytrace_max_range
+        if nearest == 0.0:
+            return super()._clear(seen, box)
+        resolution, settings = self.geometry.resolution, self._kernel_settings()
+        return clear_rays_beyond(
+            self.costs,
+            seen.points,
+            seen.count,
+            settings,
+            seen.x,
+            seen.y,
+            reach,
+            cells_in(reach, resolution),
+            nearest,
+            cells_in(nearest, resolution),
+            box,
+        )
+
+
+def nav2_source(seen: Observation) -> Nav2ObservationSourceParams:
+    """Return the parameters of the source of an observation, in a layer of Nav2."""
+    return cast("Nav2ObservationSourceParams", seen.source.params)
+
+
+def combine_as_nav2(method: int, master: Costmap, costs: NDArray[np.uint8], window: Window) -> None:
+    """Write costs into the window of the master grid by Nav2's combination method: 0 overwrite, 2 known maximum, else maximum."""
+    combine = (
+        combine_overwrite if method == OVERWRITE else combine_known_max if method == KNOWN_MAXIMUM else combine_max
+    )
+    combine(master.data, costs, *window)
 
 
 def cells_in(distance: float, resolution: float) -> float:

@@ -59,7 +59,7 @@ class RangeSensorLayerParams(ParamModel):
     )
 
 
-@LAYERS.register("range_sensor", aliases=("range_sensor_layer/RangeSensorLayer",))
+@LAYERS.register("range_sensor", aliases=("range_sensor_layer/RangeSensorLayer", "nav2_costmap_2d/RangeSensorLayer"))
 class RangeSensorLayer(Layer):
     """Obstacles seen by range sensors. 1 byte per cell: the probability times 254."""
 

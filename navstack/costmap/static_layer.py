@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from navstack.core import (
     FREE,
+    INSCRIBED,
     LETHAL,
     UNKNOWN,
     Bounds,
     Costmap,
+    Footprint,
     FrameTree,
     GridGeometry,
     InputError,
@@ -24,6 +27,7 @@ from navstack.core import (
     Window,
     describe_cost,
 )
+from navstack.costmap.obstacle_layer import convex_parts, fill_convex, place_footprint
 from navstack.costmap.windows import EVERYWHERE, combine_max, look_up_map, look_up_rotated_map
 from navstack.plugins import LAYERS, CellExplanation, Layer, LayerContext, LayerTraits, ParamModel, param
 
@@ -49,7 +53,7 @@ class StaticLayerParams(ParamModel):
     )
 
 
-@LAYERS.register("static", aliases=("costmap_2d/StaticLayer", "nav2_costmap_2d/StaticLayer"))
+@LAYERS.register("static", aliases=("costmap_2d/StaticLayer",))
 class StaticLayer(Layer):
     """Obstacles of the static map.
 
@@ -196,6 +200,115 @@ class StaticLayer(Layer):
         return Bounds(min_x, min_y, max_x, max_y)
 
 
+class Nav2StaticLayerParams(ParamModel):
+    """Parameters of Nav2's static layer."""
+
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {
+        "map_subscribe_transient_local": "the map is passed, not subscribed to",
+        "transform_tolerance": "the newest transform is used",
+    }
+
+    enabled: bool = param(True, "apply this layer")
+    map_topic: str = param("map", "topic of the map")
+    subscribe_to_updates: bool = param(False, "receive updates of the map")
+    footprint_clearing_enabled: bool = param(False, "clear the cells under the robot's footprint")
+    restore_cleared_footprint: bool = param(True, "restore the map behind the robot")
+    track_unknown_space: bool = param(False, "unknown cells of the map are unknown, not free")
+    use_maximum: bool = param(False, "take the larger cost instead of overwriting the layers below")
+    lethal_cost_threshold: int = param(100, "map values from here on are lethal", ge=0, le=100)
+    inscribed_obstacle_cost_value: int = param(99, "map value of cost 253", ge=-128, le=255)
+    unknown_cost_value: int = param(255, "map value of unknown cells, as a byte", ge=-128, le=255)
+    trinary_costmap: bool = param(
+        True, "free, lethal, inscribed and unknown costs only; otherwise costs in proportion to the map values"
+    )
+    nav2_compatible: bool = param(
+        False,
+        "clear the footprint as Nav2 does without a rolling window: only where the robot was when the map was new",
+    )
+
+    CLAMPED: ClassVar[frozenset[str]] = frozenset({"lethal_cost_threshold"})
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("track_unknown_space", "use_maximum", "lethal_cost_threshold", "inscribed_obstacle_cost_value"),
+            *("unknown_cost_value", "trinary_costmap", "map_topic"),
+        }
+    )
+
+    @property
+    def first_map_only(self) -> bool:
+        """False: Nav2 accepts every map."""
+        return False
+
+
+@LAYERS.register("nav2_static", aliases=("nav2_costmap_2d/StaticLayer",))
+class Nav2StaticLayer(StaticLayer):
+    """Obstacles of the static map, by Nav2's rules: with an inscribed map value, and cleared under the footprint on request.
+
+    # Nav2 differs: without a rolling window it goes on clearing where the robot was when the map was new (`nav2_compatible`
+    # restores that). In a rolling window with use_maximum, unknown map cells hide lethal cells below.
+    """
+
+    Params: ClassVar[type[ParamModel]] = Nav2StaticLayerParams
+    AS_NAV2 = True
+    LIVE: ClassVar[frozenset[str]] = frozenset({"enabled", "use_maximum"})
+
+    def __init__(self, params: Any, context: LayerContext) -> None:
+        super().__init__(params, context)
+        self._place: Pose2D | None = None
+        """Pose at which the footprint is cleared, in the costmap's frame."""
+        self._spans = np.zeros((2, 1), np.int64)
+        self.set_footprint(context.footprint)
+
+    def set_footprint(self, footprint: Footprint) -> None:
+        """Replace the footprint whose cells are cleared."""
+        self._parts = convex_parts(footprint.vertices)
+
+    def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
+        """Grow the bounds by the whole map if it is new or the window rolls, and by the footprint, here and before."""
+        if not self.params.enabled:
+            return bounds
+        was_fresh = self._fresh
+        if self.context.rolling_window:
+            self._now, self._fresh = now, False
+            grown = bounds.union(EVERYWHERE)
+        else:
+            grown = super().update_bounds(robot, now, bounds)
+        if not self.params.footprint_clearing_enabled:
+            return grown
+        if self.params.nav2_compatible and not (was_fresh or self.context.rolling_window):
+            return grown
+        for pose in (self._place, robot):
+            if pose is not None:
+                grown = grown.union(self._bounds_at(pose))
+        self._place = robot
+        return grown
+
+    def update_costs(self, master: Costmap, window: Window) -> None:
+        """Copy or look up the cells of the window; those under the footprint are free."""
+        p = self.params
+        if not (p.enabled and p.footprint_clearing_enabled) or self._place is None:
+            super().update_costs(master, window)
+            return
+        g = self.map.geometry
+        at = self._to_map().apply(self._place)
+        if self._spans.shape[1] != g.nx:
+            self._spans = np.zeros((2, g.nx), np.int64)
+        before = self.costs.copy() if p.restore_cleared_footprint else self.costs
+        for part in self._parts:
+            placed, box = np.zeros_like(part), np.zeros(4)
+            place_footprint(part, at.x, at.y, at.yaw, placed, box)
+            fill_convex(self.costs, placed, 0, len(placed), self._spans, g.origin_x, g.origin_y, g.resolution, FREE)
+        super().update_costs(master, window)
+        self.costs = before
+
+    def _bounds_at(self, pose: Pose2D) -> Bounds:
+        """Return the bounds of the footprint at a pose (m)."""
+        box = np.array([np.inf, np.inf, -np.inf, -np.inf])
+        for part in self._parts:
+            place_footprint(part, pose.x, pose.y, pose.yaw, np.zeros_like(part), box)
+        return Bounds(*box.tolist())
+
+
 def interpret(grid: OccupancyGrid, params: Any) -> NDArray[np.uint8]:
     """Convert map values to costs with a table over the 256 values of a byte."""
     values = np.arange(256)
@@ -204,6 +317,9 @@ def interpret(grid: OccupancyGrid, params: Any) -> NDArray[np.uint8]:
     if not params.trinary_costmap and threshold:
         table = np.minimum(values / threshold * LETHAL, LETHAL).astype(np.uint8)
     table[values >= threshold] = LETHAL
+    inscribed = getattr(params, "inscribed_obstacle_cost_value", None)
+    if inscribed is not None and 0 <= inscribed <= 255:
+        table[inscribed] = INSCRIBED
     table[params.unknown_cost_value & 255] = UNKNOWN if params.track_unknown_space else FREE
     return table[grid.data.view(np.uint8)]
 

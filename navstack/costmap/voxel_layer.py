@@ -8,9 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import FIXED, GridGeometry, kernel
+from navstack.core import FIXED, Costmap, GridGeometry, Window, kernel
 from navstack.costmap.observation_buffer import Observation
-from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams, cells_in
+from navstack.costmap.obstacle_layer import (
+    Nav2ObstacleLayerParams,
+    ObstacleLayer,
+    ObstacleLayerParams,
+    cells_in,
+    combine_as_nav2,
+    nav2_source,
+)
 from navstack.plugins import LAYERS, LayerContext, ParamModel, param
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -26,11 +33,16 @@ from navstack.plugins import LAYERS, LayerContext, ParamModel, param
 VOXEL_GRID = np.dtype(
     [
         *[(name, "f8") for name in ("origin_x", "origin_y", "origin_z", "resolution", "z_resolution", "max_height")],
+        *[(name, "f8") for name in ("min_height", "ray_top", "border", "shortened")],
         *[(name, "i8") for name in ("levels", "mark_threshold", "unknown_threshold")],
     ],
     align=True,
 )
-"""Settings of the kernels below: the grid (m, m per cell), the height above which points are ignored (m), the thresholds."""
+"""Settings of the kernels below: the grid (m, m per cell), the heights between which points count (m), the thresholds.
+
+Rays end at the height `ray_top` (m) and `border` cells inside the upper borders of the map; the share `shortened` of a ray that
+is clipped is cut off.
+"""
 
 
 @kernel
@@ -73,8 +85,9 @@ def ray_ends(points, grid, sensor, reach, size, ends, cells):
     """Compute where the rays from `sensor` (x, y, z) to the points end: shortened by two cells, clipped to the map and the
     heights.
 
-    `size`: columns and rows of the map. Writes to `ends` (3, N): x and y at `reach` at the latest (m), length (cells); to `cells`
-    (4, N): ix, iy, iz, and whether the ray is inside the map. Without branches, so that the loop is vectorized.
+    `size`: columns and rows of the map. Writes to `ends` (6, N): x and y at `reach` at the latest (m),
+    length (cells), then the end in cells along each axis; to `cells` (4, N): ix, iy, iz, and whether the ray is inside the map.
+    Without branches, so that the loop is vectorized.
     """
     g = grid[0]
     origin_x, origin_y, origin_z, resolution, z_resolution = (
@@ -84,11 +97,12 @@ def ray_ends(points, grid, sensor, reach, size, ends, cells):
         g.resolution,
         g.z_resolution,
     )
-    top, levels = g.max_height, np.float64(g.levels)
+    top, levels = g.ray_top, np.float64(g.levels)
+    border, shortened = g.border, g.shortened
     nx, ny = size
     sx, sy, sz = sensor
     x0, y0, z0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution, (sz - origin_z) / z_resolution
-    end_x, end_y = origin_x + (nx - 0.5) * resolution, origin_y + (ny - 0.5) * resolution
+    end_x, end_y = origin_x + (nx - border) * resolution, origin_y + (ny - border) * resolution
     number = np.uint64(ends.shape[1])
     for i in range(number):
         ends[0, i], ends[1, i], ends[2, i] = points[i, 0], points[i, 1], points[i, 2]
@@ -110,6 +124,9 @@ def ray_ends(points, grid, sensor, reach, size, ends, cells):
         t = low if (wy < origin_y) & (low < t) else t
         t = right if (wx > end_x) & (right < t) else t
         t = high if (wy > end_y) & (high < t) else t
+        outside = (wz > top) | (wz < origin_z) | (wx < origin_x) | (wy < origin_y) | (wx > end_x) | (wy > end_y)
+        cut = shortened if t > 0.0 else -shortened
+        t = t - cut if outside & (t != 0.0) else t
         wx, wy, wz = sx + a * t, sy + b * t, sz + c * t
         # ROS differs: there, rounding puts some clipped rays just below the origin, and they are lost
         wx, wy, wz = (
@@ -127,6 +144,7 @@ def ray_ends(points, grid, sensor, reach, size, ends, cells):
         ends[2, i] = math.sqrt((x0 - x1) * (x0 - x1) + (y0 - y1) * (y0 - y1) + (z0 - z1) * (z0 - z1))
         cells[0, i], cells[1, i] = np.int32(x1 if inside else 0.0), np.int32(y1 if inside else 0.0)
         cells[2, i], cells[3, i] = np.int32(z1 if inside else 0.0), np.int32(1 if inside else 0)
+        ends[3, i], ends[4, i], ends[5, i] = x1, y1, z1
 
 
 @kernel
@@ -156,7 +174,7 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
     ix0, iy0, iz0 = int(x0), int(y0), int(z0)
     flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
     level_mask = (1 << levels) - 1
-    ends, cells = np.empty((3, count)), np.empty((4, count), np.int32)
+    ends, cells = np.empty((6, count)), np.empty((4, count), np.int32)
     ray_ends(points, grid, (sx, sy, sz), reach, (float(nx), float(ny)), ends, cells)
     min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
     last_x, last_y, last_z = -1, -1, -1
@@ -212,8 +230,10 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
 
 
 @kernel
-def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, reach, bounds):
-    """Mark the voxels of the points closer than `reach` (m, 3-D), with the observation's `serial`; grow `bounds`.
+def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, nearest, reach, bounds):
+    """Mark the voxels of the points closer than `reach` (m, 3-D) and not closer than `nearest`; grow `bounds`.
+
+    `serial`: that of the observation.
 
     Columns with more marked voxels than the threshold become lethal. `grid`: a record of `VOXEL_GRID`.
     """
@@ -226,7 +246,7 @@ def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, reach, 
         g.resolution,
         g.z_resolution,
     )
-    top, levels, mark_threshold = g.max_height, g.levels, g.mark_threshold
+    bottom, top, levels, mark_threshold = g.min_height, g.max_height, g.levels, g.mark_threshold
     min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
     reach_squared = reach * reach
     level_mask = (1 << levels) - 1
@@ -234,7 +254,9 @@ def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, reach, 
     for i in range(count):
         px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         squared = (px - sx) * (px - sx) + (py - sy) * (py - sy) + (pz - sz) * (pz - sz)
-        if not (squared < reach_squared) or pz > top or px < origin_x or py < origin_y:
+        if not (squared < reach_squared) or squared < nearest * nearest or pz > top or pz < bottom:
+            continue
+        if px < origin_x or py < origin_y:
             continue
         fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
         fz = max(pz - origin_z, 0.0) / z_resolution
@@ -247,6 +269,72 @@ def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, reach, 
             costs[iy, ix] = 254
             min_x, min_y, max_x, max_y = min(min_x, px), min(min_y, py), max(max_x, px), max(max_y, py)
     bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+
+
+@kernel
+def clear_voxel_rays_beyond(
+    costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, nearest, nearest_cells, bounds
+):
+    """As `clear_voxel_rays`, from `nearest` (m; `nearest_cells` in cells) on (Nav2).
+
+    A line begins that many cells along its ray.
+    """
+    ny, nx = costs.shape
+    g = grid[0]
+    origin_x, origin_y, origin_z = g.origin_x, g.origin_y, g.origin_z
+    resolution, z_resolution = g.resolution, g.z_resolution
+    levels, mark_threshold, unknown_threshold = g.levels, g.mark_threshold, g.unknown_threshold
+    if not (sx >= origin_x and sy >= origin_y and sz >= origin_z):
+        return False
+    x0, y0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+    z0 = (sz - origin_z) / z_resolution
+    if not (x0 < nx and y0 < ny and z0 < levels):
+        return False
+    flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
+    level_mask = (1 << levels) - 1
+    ends, cells = np.empty((6, count)), np.empty((4, count), np.int32)
+    ray_ends(points, grid, (sx, sy, sz), reach, (float(nx), float(ny)), ends, cells)
+    for i in range(count):
+        if cells[3, i] == 0:
+            continue
+        if math.hypot(ends[0, i] - sx, ends[1, i] - sy) >= nearest:
+            bounds[0], bounds[1] = min(bounds[0], ends[0, i]), min(bounds[1], ends[1, i])
+            bounds[2], bounds[3] = max(bounds[2], ends[0, i]), max(bounds[3], ends[1, i])
+        length = ends[2, i]
+        if int(length) < nearest_cells:
+            continue
+        ix0, iy0, iz0 = int(x0), int(y0), int(z0)
+        if length > 0.0:
+            ix0 = int(x0 + (ends[3, i] - x0) / length * nearest_cells)
+            iy0 = int(y0 + (ends[4, i] - y0) / length * nearest_cells)
+            iz0 = int(z0 + (ends[5, i] - z0) / length * nearest_cells)
+        ix1, iy1, iz1 = np.int64(cells[0, i]), np.int64(cells[1, i]), np.int64(cells[2, i])
+        span_x, span_y, span_z = abs(ix1 - ix0), abs(iy1 - iy0), abs(iz1 - iz0)
+        dominant = max(span_x, span_y, span_z)
+        steps = int(reach_cells / length * dominant) if length > reach_cells else dominant
+        step_x, step_y, step_z = 1 if ix1 > ix0 else -1, nx if iy1 > iy0 else -nx, 1 if iz1 > iz0 else -1
+        error_x = error_y = error_z = dominant // 2
+        offset, level = iy0 * nx + ix0, iz0
+        for _ in range(steps + 1):
+            word = (int(flat_columns[offset]) | (1 << level)) & ~(1 << (level + levels))
+            flat_columns[offset] = word
+            marked = (word >> levels) & level_mask
+            if bits_set(marked) <= mark_threshold:
+                known = bits_set(level_mask & ~(word | marked)) <= unknown_threshold
+                flat_costs[offset] = 0 if known else 255
+            error_x += span_x
+            error_y += span_y
+            error_z += span_z
+            if error_x >= dominant:
+                error_x -= dominant
+                offset += step_x
+            if error_y >= dominant:
+                error_y -= dominant
+                offset += step_y
+            if error_z >= dominant:
+                error_z -= dominant
+                level += step_z
+    return True
 
 
 LEVELS = 16
@@ -279,7 +367,7 @@ class VoxelLayerParams(ObstacleLayerParams):
     )
 
 
-@LAYERS.register("voxel", aliases=("costmap_2d/VoxelLayer", "nav2_costmap_2d/VoxelLayer"))
+@LAYERS.register("voxel", aliases=("costmap_2d/VoxelLayer",))
 class VoxelLayer(ObstacleLayer):
     """Obstacles in columns of voxels: rays above or below an obstacle do not clear it.
 
@@ -326,7 +414,7 @@ class VoxelLayer(ObstacleLayer):
         g, params = self.geometry, self.params
         for seen in (observation for buffer in self._clearing for observation in buffer.observations):
             count, reach = seen.count, seen.source.params.raytrace_range
-            places, cells = np.empty((3, count)), np.empty((4, count), np.int32)
+            places, cells = np.empty((6, count)), np.empty((4, count), np.int32)
             size = float(g.nx), float(g.ny)
             ray_ends(seen.points[:count], self._kernel_settings(), (seen.x, seen.y, seen.z), reach, size, places, cells)
             ix, iy, iz, _ = cells[:, cells[3] == 1]
@@ -359,8 +447,30 @@ class VoxelLayer(ObstacleLayer):
     def _setting_values(self, g: GridGeometry, params: Any) -> tuple[Any, ...]:
         return (
             *(g.origin_x, g.origin_y, params.origin_z, g.resolution, params.z_resolution, params.max_obstacle_height),
+            *(-math.inf, params.max_obstacle_height, 0.5, 0.0),
             *(self.levels, params.mark_threshold, self.unknown_threshold),
         )
+
+    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
+        self._mark_points(
+            self.costs,
+            self.marks,
+            seen.serial,
+            seen.points,
+            seen.count,
+            self._kernel_settings(),
+            seen.x,
+            seen.y,
+            seen.z,
+            self._nearest_mark(seen),
+            seen.source.params.obstacle_range,
+            box,
+        )
+
+    def _nearest_mark(self, seen: Observation) -> float:
+        """Return the distance (m) from which on points are marked."""
+        del seen
+        return 0.0
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
         if seen.count == 0:
@@ -377,5 +487,72 @@ class VoxelLayer(ObstacleLayer):
             seen.z,
             reach,
             cells_in(reach, self.geometry.resolution),
+            box,
+        )
+
+
+SHORTENED = 1e-5
+"""Share of a clipped ray that Nav2 cuts off, so that rounding does not put its end outside the map."""
+
+
+class Nav2VoxelLayerParams(Nav2ObstacleLayerParams):
+    """Parameters of Nav2's voxel layer."""
+
+    origin_z: float = param(0.0, "bottom of the lowest voxel", unit="m")
+    z_resolution: float = param(0.2, "height of a voxel", unit="m", gt=0.0)
+    z_voxels: int = param(10, "voxels per column", ge=0, le=LEVELS)
+    unknown_threshold: int = param(
+        15, "most unknown voxels of a known column, counted as if it had 16 voxels", ge=0, le=LEVELS
+    )
+    mark_threshold: int = param(0, "most marked voxels of a free column", ge=0, le=LEVELS)
+    publish_voxel_map: bool = param(False, "publish the voxels")
+
+
+@LAYERS.register("nav2_voxel", aliases=("nav2_costmap_2d/VoxelLayer",))
+class Nav2VoxelLayer(VoxelLayer):
+    """Obstacles in columns of voxels, by Nav2's rules.
+
+    As `voxel`, but rays end at the top of the voxels, ranges have minima, points below `min_obstacle_height` are dropped, and
+    combination method 2 keeps unknown cells.
+    """
+
+    Params: ClassVar[type[ParamModel]] = Nav2VoxelLayerParams
+    AS_NAV2 = True
+    LIVE: ClassVar[frozenset[str]] = frozenset(
+        {"enabled", "footprint_clearing_enabled", "min_obstacle_height", "max_obstacle_height", "combination_method"}
+    )
+
+    def _setting_values(self, g: GridGeometry, params: Any) -> tuple[Any, ...]:
+        top = params.origin_z + self.levels * params.z_resolution
+        return (
+            *(g.origin_x, g.origin_y, params.origin_z, g.resolution, params.z_resolution, params.max_obstacle_height),
+            *(params.min_obstacle_height, top, 0.0, SHORTENED),
+            *(self.levels, params.mark_threshold, self.unknown_threshold),
+        )
+
+    def _combine(self, master: Costmap, window: Window) -> None:
+        combine_as_nav2(self.params.combination_method, master, self.costs, window)
+
+    def _nearest_mark(self, seen: Observation) -> float:
+        return nav2_source(seen).obstacle_min_range
+
+    def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
+        nearest, reach = nav2_source(seen).raytrace_min_range, nav2_source(seen).raytrace_max_range
+        if nearest == 0.0 or seen.count == 0:
+            return super()._clear(seen, box)
+        resolution, settings = self.geometry.resolution, self._kernel_settings()
+        return clear_voxel_rays_beyond(
+            self.costs,
+            self.marks,
+            seen.points,
+            seen.count,
+            settings,
+            seen.x,
+            seen.y,
+            seen.z,
+            reach,
+            cells_in(reach, resolution),
+            nearest,
+            cells_in(nearest, resolution),
             box,
         )

@@ -124,6 +124,22 @@ def combine_overwrite(master, layer, x0, y0, x1, y1):
 
 
 @kernel
+def raise_known_row(master, layer):
+    """Write the larger cost into the known cells of a row of the master."""
+    for x in range(master.size):
+        ours, theirs = layer[x], master[x]
+        keep = (ours == np.uint8(255)) | (theirs >= ours)
+        master[x] = theirs if keep else ours
+
+
+@kernel
+def combine_known_max(master, layer, x0, y0, x1, y1):
+    """Write the larger cost into the window of the master; skip unknown cells of the layer and of the master."""
+    for y in range(y0, y1):
+        raise_known_row(master[y, x0:x1], layer[y, x0:x1])
+
+
+@kernel
 def look_up_map(master, costs, x0, y0, x1, y1, affine, maximum):
     """Write the costs of another grid at each cell center into the window; leave cells outside that grid unchanged.
 

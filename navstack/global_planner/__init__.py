@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from navstack.global_planner.given_path import GivenPathParams as GivenPathParams
     from navstack.global_planner.global_planner import GlobalPlannerParams as GlobalPlannerParams
     from navstack.global_planner.global_planner import GlobalPlannerROS as GlobalPlannerROS
+    from navstack.global_planner.navfn import Nav2NavfnParams as Nav2NavfnParams
+    from navstack.global_planner.navfn import Nav2NavfnPlanner as Nav2NavfnPlanner
     from navstack.global_planner.navfn import NavfnParams as NavfnParams
     from navstack.global_planner.navfn import NavfnROS as NavfnROS
     from navstack.global_planner.smac_2d import Smac2DParams as Smac2DParams
@@ -65,6 +67,8 @@ if TYPE_CHECKING:
     from navstack.global_planner.smoothers.smoothed_planner import is_smoothed_by as is_smoothed_by
     from navstack.global_planner.smoothers.smoothed_planner import smoothed as smoothed
     from navstack.global_planner.smoothers.smoothed_planner import unsmoothed as unsmoothed
+    from navstack.global_planner.theta_star import Nav2ThetaStarParams as Nav2ThetaStarParams
+    from navstack.global_planner.theta_star import Nav2ThetaStarPlanner as Nav2ThetaStarPlanner
     from navstack.global_planner.theta_star import ThetaStarParams as ThetaStarParams
     from navstack.global_planner.theta_star import ThetaStarPlanner as ThetaStarPlanner
 else:

@@ -118,12 +118,13 @@ class PositionGoalChecker(GoalChecker):
         p = self.params
         if approach.remaining_m > p.path_length_tolerance:
             return False
-        distance = approach.pose.distance_to(approach.goal)
+        squared = _squared_distance(approach)
         if self._latched:
-            if p.xy_goal_tolerance_buffer <= 0.0 or distance <= p.xy_goal_tolerance + p.xy_goal_tolerance_buffer:
+            buffer = p.xy_goal_tolerance_buffer
+            if buffer <= 0.0 or squared <= (p.xy_goal_tolerance + buffer) ** 2:
                 return True
             self._latched = False
-        reached = distance <= p.xy_goal_tolerance
+        reached = squared <= p.xy_goal_tolerance**2
         self._latched = p.stateful and reached
         return reached
 
@@ -155,6 +156,12 @@ class SimpleGoalChecker(PositionGoalChecker):
     def at_heading(self, approach: Approach) -> bool:
         """Within the tolerance of the goal's heading."""
         return at_heading(approach, self.params.yaw_goal_tolerance, symmetric=self.params.symmetric_yaw_tolerance)
+
+
+def _squared_distance(approach: Approach) -> float:
+    """Squared distance (m^2) to the goal, which Nav2 compares: at a tolerance the root may round to the other side."""
+    dx, dy = approach.pose.x - approach.goal.x, approach.pose.y - approach.goal.y
+    return dx * dx + dy * dy
 
 
 def at_heading(approach: Approach, tolerance: float, *, symmetric: bool) -> bool:
@@ -189,7 +196,7 @@ class AdaptiveToleranceGoalCheckerParams(PluginSection):
     )
     xy_goal_tolerance_buffer: float = param(
         0.0,
-        "a latched position is released beyond coarse_xy_goal_tolerance plus this distance; 0 = never",
+        "a latched position is released beyond the tolerance that it was within plus this distance; 0 = never",
         unit="m",
         ge=0.0,
     )
@@ -209,6 +216,7 @@ class AdaptiveToleranceGoalChecker(GoalChecker):
     def reset(self) -> None:
         """Release the latch; start counting again."""
         self._latched = False
+        self._reset_distance = 0.0
         self._leave()
 
     def _leave(self) -> None:
@@ -232,30 +240,33 @@ class AdaptiveToleranceGoalChecker(GoalChecker):
         p = self.params
         if approach.remaining_m > p.path_length_tolerance:
             return False
-        distance = approach.pose.distance_to(approach.goal)
+        squared = _squared_distance(approach)
         if self._latched:
-            buffer = p.xy_goal_tolerance_buffer
-            if buffer <= 0.0 or distance <= p.coarse_xy_goal_tolerance + buffer:
+            if p.xy_goal_tolerance_buffer <= 0.0 or squared <= self._reset_distance**2:
                 return True
             self.reset()
-        reached = distance <= p.fine_xy_goal_tolerance or self._coarse(approach, distance)
+            return False
+        fine = squared <= p.fine_xy_goal_tolerance**2
+        reached = fine or self._coarse(approach, squared)
         self._latched = p.stateful and reached
+        within = p.fine_xy_goal_tolerance if fine else p.coarse_xy_goal_tolerance
+        self._reset_distance = within + p.xy_goal_tolerance_buffer
         return reached
 
-    def _coarse(self, approach: Approach, distance: float) -> bool:
+    def _coarse(self, approach: Approach, squared: float) -> bool:
         p = self.params
-        if distance > p.coarse_xy_goal_tolerance:
+        if squared > p.coarse_xy_goal_tolerance**2:
             self._leave()
             return False
         dx, dy = approach.goal.x - approach.pose.x, approach.goal.y - approach.pose.y
         if self._entry is None:
-            self._entry, self._nearest = (dx, dy), distance
+            self._entry, self._nearest = (dx, dy), squared
             return False
         velocity = approach.velocity
         still = velocity.speed <= p.trans_stopped_velocity and abs(velocity.wz) <= p.rot_stopped_velocity
         self._stopped = self._stopped + 1 if still else 0
-        self._stagnant = self._stagnant + 1 if distance >= self._nearest else 0
-        self._nearest = min(self._nearest, distance)
+        self._stagnant = self._stagnant + 1 if squared >= self._nearest else 0
+        self._nearest = min(self._nearest, squared)
         passed = self._entry[0] * dx + self._entry[1] * dy <= 0.0
         return passed or max(self._stopped, self._stagnant) >= p.required_stagnation_cycles
 

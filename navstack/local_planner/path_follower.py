@@ -47,7 +47,7 @@ from navstack.plugins import (
 )
 
 GOAL_CHECKER = "nav2_controller::SimpleGoalChecker"
-PATH_HANDLER = "nav2_controller::FeasiblePathHandler"
+PATH_HANDLER = "feasible"
 MOVED_TO_PATH_HANDLER = (
     "prune_distance",
     "max_robot_pose_search_dist",

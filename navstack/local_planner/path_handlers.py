@@ -141,7 +141,7 @@ MOVED_M = 1e-4
 class FeasiblePathHandlerParams(PluginSection):
     """Which part of the plan the controller gets."""
 
-    plugin: str = param("nav2_controller::FeasiblePathHandler", "type of the path handler")
+    plugin: str = param("feasible", "type of the path handler")
     prune_distance: float = param(
         2.0, "the local path ends this far along the plan beyond the pose closest to the robot", unit="m", gt=0.0
     )
@@ -155,10 +155,10 @@ class FeasiblePathHandlerParams(PluginSection):
     enforce_path_rotation: bool = param(False, "cut the path at its first turn in place until the robot is there")
     inversion_xy_tolerance: float = param(
         0.2,
-        "distance to a cut at which the rest of the path follows",
+        "distance to a cut at which the rest of the path follows; at a cusp the distance along the path counts, and a robot "
+        "beyond the cusp has passed it",
         unit="m",
         ge=0.0,
-        ros_differs="at a cusp the distance along the path counts, and a robot beyond the cusp has passed it",
     )
     inversion_yaw_tolerance: float = param(
         0.4, "angle to the heading of a cut at which the rest of the path follows", unit="rad", ge=0.0
@@ -169,7 +169,7 @@ class FeasiblePathHandlerParams(PluginSection):
     reject_unit_path: bool = param(False, "a plan of a single pose is an error")
 
 
-@PATH_HANDLERS.register("feasible", aliases=("nav2_controller/FeasiblePathHandler",))
+@PATH_HANDLERS.register("feasible")
 class FeasiblePathHandler(PathHandler):
     """Hands out the plan from the pose closest to the robot on; poses behind that one are dropped permanently."""
 
@@ -178,34 +178,25 @@ class FeasiblePathHandler(PathHandler):
     def __init__(self, params: FeasiblePathHandlerParams) -> None:
         self.params = params
         self._plan: NDArray[np.float64] | None = None
-        """(n, 4) x, y, yaw, and length of the plan up to the pose."""
+        """(n, 5) x, y, yaw, length of the plan up to the pose, length of the segment before it."""
         self._cuts: list[int] = []
         """Indices of the poses that the path is cut after."""
         self._begin = 0
-        self._window = np.empty(4)
 
     def set_plan(self, plan: Path) -> None:
         """Replace the plan and find its cuts."""
         check_path(plan)
         p = self.params
-        if p.reject_unit_path and len(plan) == 1:
-            raise InvalidPathError(
-                "the plan has a single pose, which reject_unit_path refuses; plan from the robot's pose, or set "
-                "reject_unit_path to false",
-                poses=1,
-            )
-        poses = np.empty((len(plan), 4))
+        poses = np.empty((len(plan), 5))
         poses[:, :3] = plan.poses
-        poses[0, 3] = 0.0
-        np.cumsum(np.hypot(np.diff(poses[:, 0]), np.diff(poses[:, 1])), out=poses[1:, 3])
+        poses[0, 4] = 0.0
+        np.hypot(np.diff(poses[:, 0]), np.diff(poses[:, 1]), out=poses[1:, 4])
+        np.cumsum(poses[:, 4], out=poses[:, 3])
         self._plan = poses
         self._begin = 0
         self._cuts = []
         if p.enforce_path_inversion or p.enforce_path_rotation:
-            found = np.empty(len(poses), np.int64)
-            angle = p.minimum_rotation_angle if p.enforce_path_rotation else math.inf
-            count = path_cuts(poses, p.enforce_path_inversion, angle, found)
-            self._cuts = found[:count].tolist()
+            self._cuts = self._find_cuts(poses)
 
     def local_path(self, robot: Pose2D, to_costmap: Transform2D, geometry: GridGeometry) -> LocalPath:
         """From the pose closest to the robot to `prune_distance`, the border of the costmap, or the next cut."""
@@ -214,28 +205,36 @@ class FeasiblePathHandler(PathHandler):
             raise no_plan()
         p = self.params
         at = robot if to_costmap.is_identity() else to_costmap.inverse().apply(robot)
-        half = 0.5 * max(geometry.nx, geometry.ny) * geometry.resolution
+        # half of (n - 0.5) cells, not of n, as getSizeInMeters returns it
+        half = (max(geometry.nx, geometry.ny) - 0.5) * geometry.resolution / 2.0
         search = half if p.max_robot_pose_search_dist is None else p.max_robot_pose_search_dist
         first, end, at_cusp = self._piece(plan, at, search if search >= 0.0 else math.inf)
-        left, right, bottom, top = geometry.extent
-        self._window[:] = left, bottom, right, top
+        if p.reject_unit_path and end - self._begin == 1:
+            raise InvalidPathError(
+                "the plan has a single pose, which reject_unit_path refuses; plan from the robot's pose, or set "
+                "reject_unit_path to false",
+                poses=1,
+            )
         poses = np.empty((end - first, 3))
-        length = plan[first, 3] + p.prune_distance
         count = int(
             cut_path(
                 plan,
                 first,
-                length,
+                float(p.prune_distance),
                 float(to_costmap.x),
                 float(to_costmap.y),
                 float(to_costmap.yaw),
-                self._window,
+                float(geometry.origin_x),
+                float(geometry.origin_y),
+                float(geometry.resolution),
+                geometry.nx,
+                geometry.ny,
                 poses,
             )
         )
+        self._drop(plan, first, at)
         if count == 0:
             raise out_of_reach(plan, at, half)
-        self._begin = first
         last = first + count - 1
         return LocalPath(
             poses[:count],
@@ -247,71 +246,144 @@ class FeasiblePathHandler(PathHandler):
             ends_at_goal=last + 1 == len(plan),
         )
 
+    def _find_cuts(self, poses: NDArray[np.float64]) -> list[int]:
+        """Return the indices of the poses that the path is cut after: cusps, and the ends of turns in place."""
+        p = self.params
+        found = np.empty(len(poses), np.int64)
+        angle = p.minimum_rotation_angle if p.enforce_path_rotation else math.inf
+        count = path_cuts(poses, p.enforce_path_inversion, angle, found)
+        return found[:count].tolist()
+
     def _piece(self, plan: NDArray[np.float64], at: Pose2D, search: float) -> tuple[int, int, bool]:
         """The closest pose of the piece that the robot may follow, the index after its last pose, and whether that is a cut.
 
         The pieces on both sides of a cusp lie close together: only the first one that the robot has not finished counts.
         """
-        begin = self._begin
         while self._cuts:
             cut = self._cuts[0]
-            first = int(closest_pose(plan[: cut + 1], begin, float(at.x), float(at.y), search))
+            first = int(closest_pose(plan[: cut + 1], self._begin, float(at.x), float(at.y), search))
             if not self._is_passed(plan, first, cut, at):
                 return first, cut + 1, True
             self._cuts.pop(0)
-            begin = cut
-        return int(closest_pose(plan, begin, float(at.x), float(at.y), search)), len(plan), False
+            self._begin = cut
+        return int(closest_pose(plan, self._begin, float(at.x), float(at.y), search)), len(plan), False
+
+    def _drop(self, plan: NDArray[np.float64], first: int, at: Pose2D) -> None:
+        """Drop the poses before `first`; called once per local path, whose robot is at `at` in the plan's frame."""
+        del plan, at
+        self._begin = first
 
     def _is_passed(self, plan: NDArray[np.float64], first: int, cut: int, at: Pose2D) -> bool:
         """True if the robot, closest to the pose `first`, is at the pose `cut`, or has driven past it."""
         p = self.params
-        x, y, yaw, length = plan[cut].tolist()
+        x, y, yaw, length, step = plan[cut].tolist()
         turned = abs(angle_between(at.yaw, yaw)) <= p.inversion_yaw_tolerance
         if turned and math.hypot(x - at.x, y - at.y) <= p.inversion_xy_tolerance:
             return True
-        # ROS differs: in Nav2 a robot that misses the cusp to the side turns back to it, again and again
+        # Nav2 differs: there a robot that misses the cusp to the side turns back to it, again and again
         before = plan[cut - 1].tolist()
-        step = length - before[3]
         if step <= MOVED_M or (first < cut - 1 and length - plan[first, 3] > p.inversion_xy_tolerance):
             return False
         beyond = ((at.x - x) * (x - before[0]) + (at.y - y) * (y - before[1])) / step
         return beyond >= (-p.inversion_xy_tolerance if turned else 0.0)
 
 
+class Nav2FeasiblePathHandlerParams(FeasiblePathHandlerParams):
+    """Parameters of Nav2's path handler, with its rules at cusps and turns in place."""
+
+    plugin: str = param("nav2_controller::FeasiblePathHandler", "type of the path handler")
+    prune_distance: float = param(
+        2.0, "the local path ends this far along the plan beyond the pose closest to the robot", unit="m", ge=0.0
+    )
+    inversion_xy_tolerance: float = param(
+        0.2, "distance to a cut at which the rest of the path follows", unit="m", ge=0.0
+    )
+    minimum_rotation_angle: float = param(
+        0.785,
+        "a turn in place of more than this angle is cut, before the pose that exceeds it; 0 = no turn is cut",
+        unit="rad",
+        ge=0.0,
+    )
+
+
+@PATH_HANDLERS.register("nav2_feasible", aliases=("nav2_controller/FeasiblePathHandler",))
+class Nav2FeasiblePathHandler(FeasiblePathHandler):
+    """As `feasible`, with Nav2's rules to the letter.
+
+    A cut is passed only by a robot within both tolerances, and the rest follows in the next cycle, without the pose of the cut. A
+    turn in place is cut before the pose at which it exceeds `minimum_rotation_angle`, not at its end.
+    """
+
+    Params: ClassVar[type[ParamModel]] = Nav2FeasiblePathHandlerParams
+
+    def _find_cuts(self, poses: NDArray[np.float64]) -> list[int]:
+        p = self.params
+        angle = np.float32(p.minimum_rotation_angle if p.enforce_path_rotation else 0.0)
+        cuts: list[int] = []
+        begin = 0
+        while (kept := int(first_piece(poses[begin:], p.enforce_path_inversion, angle))) < len(poses) - begin:
+            begin += kept
+            cuts.append(begin - 1)
+        return cuts
+
+    def _piece(self, plan: NDArray[np.float64], at: Pose2D, search: float) -> tuple[int, int, bool]:
+        end = self._cuts[0] + 1 if self._cuts else len(plan)
+        first = int(closest_pose(plan[:end], self._begin, float(at.x), float(at.y), search))
+        return first, end, bool(self._cuts)
+
+    def _drop(self, plan: NDArray[np.float64], first: int, at: Pose2D) -> None:
+        self._begin = first
+        if not self._cuts:
+            return
+        p = self.params
+        x, y, yaw = plan[self._cuts[0], :3].tolist()
+        # Nav2 compares in float32
+        away = np.float32(np.hypot(np.float32(at.x - x), np.float32(at.y - y)))
+        turned = np.float32(abs(angle_between(at.yaw, yaw)))
+        if away <= np.float32(p.inversion_xy_tolerance) and turned <= np.float32(p.inversion_yaw_tolerance):
+            self._begin = self._cuts.pop(0) + 1
+
+
 @plain_kernel
 def closest_pose(plan, begin, x, y, search):
-    """Return the index of the pose of `plan` (n, 4) closest to (x, y), from `begin` on; the later one of equals.
+    """Return the index of the pose of `plan` (n, 5) closest to (x, y), from `begin` on; the later one of equals.
 
-    Poses up to the first one more than `search` (m) along the plan are considered, the last pose of the plan never: two are
-    needed for a direction (nav2_controller's FeasiblePathHandler). Column 3: length of the plan up to the pose (m).
+    Poses up to the first one more than `search` (m) along the plan are considered. If the last pose of the plan is the closest,
+    the one before it is returned: two are needed for a direction (nav2_controller's FeasiblePathHandler). Column 4: length of the
+    segment before the pose (m).
     """
-    limit = plan[begin, 3] + search
-    best, nearest = begin, np.inf
-    for i in range(begin, max(begin + 1, len(plan) - 1)):
-        if plan[i, 3] > limit and i > begin:
-            break
-        dx, dy = plan[i, 0] - x, plan[i, 1] - y
-        distance = dx * dx + dy * dy
+    best, nearest, length = begin, np.inf, 0.0
+    for i in range(begin, len(plan)):
+        if i > begin:
+            length += plan[i, 4]
+            if length > search:
+                break
+        distance = math.hypot(plan[i, 0] - x, plan[i, 1] - y)
         if distance <= nearest:
             best, nearest = i, distance
-    return best
+    return best - 1 if best == len(plan) - 1 and best > begin else best
 
 
 @plain_kernel
-def cut_path(plan, first, length, tx, ty, tyaw, window, out):
-    """Write the poses of `plan` (n, 4) from `first` on, transformed by (tx, ty, tyaw), to `out` (m, 3). Returns how many.
+def cut_path(plan, first, length, tx, ty, tyaw, origin_x, origin_y, resolution, nx, ny, out):
+    """Write the poses of `plan` (n, 5) from `first` on, transformed by (tx, ty, tyaw), to `out` (m, 3). Returns how many.
 
-    At most m poses, up to the last one before `length` (m from the plan's start) is exceeded, or before the first one outside
-    of `window` (4,): lowest x and y, highest x and y. Yaws are in (-pi, pi].
+    At most m poses, up to the last one that is at most `length` (m) along the plan from the first, or before the first one
+    outside of a grid of nx x ny cells. Yaws are in (-pi, pi].
     """
     c, s = math.cos(tyaw), math.sin(tyaw)
+    along = 0.0
     for count in range(len(out)):
         i = first + count
-        if plan[i, 3] > length:
-            return count
+        if count > 0:
+            along += plan[i, 4]
+            if along > length:
+                return count
         x = tx + c * plan[i, 0] - s * plan[i, 1]
         y = ty + s * plan[i, 0] + c * plan[i, 1]
-        if not (window[0] <= x < window[2] and window[1] <= y < window[3]):
+        if not (x >= origin_x and y >= origin_y):
+            return count
+        if not ((x - origin_x) / resolution < nx and (y - origin_y) / resolution < ny):
             return count
         yaw = plan[i, 2] + tyaw
         if not (-math.pi < yaw <= math.pi):
@@ -323,8 +395,47 @@ def cut_path(plan, first, length, tx, ty, tyaw, window, out):
 
 
 @plain_kernel
+def first_piece(plan, at_cusps, rotation):
+    """Return how many poses of `plan` (n, 5) come before its first cut, n without one, in Nav2's float32 arithmetic.
+
+    A cusp is cut after the pose where the path reverses, a turn in place before the pose at which it has turned by more than
+    `rotation` (rad; 0: turns are not cut).
+    """
+    n = len(plan)
+    if n < 3:
+        return n
+    turn_at = n
+    before_x = before_y = np.float32(0.0)
+    for i in range(n - 1):
+        dx, dy = np.float32(plan[i + 1, 0] - plan[i, 0]), np.float32(plan[i + 1, 1] - plan[i, 1])
+        moved = np.float32(math.hypot(dx, dy))
+        if turn_at <= i + 1:
+            break
+        if at_cusps and moved > 1e-4:
+            if i >= 1 and before_x * dx + before_y * dy < np.float32(0.0):
+                return min(turn_at, i + 1)
+            before_x, before_y = dx, dy
+        if rotation >= np.float32(1e-6) and moved < 1e-4 and turn_at == n:
+            turned = np.float32(0.0)
+            for j in range(i, n - 1):
+                angle = np.float64(np.float32(plan[j + 1, 2])) - np.float64(np.float32(plan[j, 2]))
+                angle -= 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+                turned = np.float32(np.float64(turned) + abs(angle))
+                if turned > rotation:
+                    turn_at = j + 1
+                    break
+                if j + 2 >= n:
+                    break
+                ahead_x = np.float32(plan[j + 2, 0] - plan[j + 1, 0])
+                ahead_y = np.float32(plan[j + 2, 1] - plan[j + 1, 1])
+                if np.float32(math.hypot(ahead_x, ahead_y)) > 1e-4:
+                    break
+    return turn_at
+
+
+@plain_kernel
 def path_cuts(plan, at_cusps, rotation, out):
-    """Write the indices of the poses at which `plan` (n, 4) reverses or turns in place to `out`. Returns how many.
+    """Write the indices of the poses at which `plan` (n, 5) reverses or turns in place to `out`. Returns how many.
 
     A cusp is a pose between two segments, each longer than 0.1 mm, of opposite directions. With `at_cusps` False, cusps are
     ignored. A turn in place is a sequence of poses within 0.1 mm that turns by at least `rotation` (rad); its last pose counts.

@@ -40,6 +40,18 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
             ),
             others="planner_window_x planner_window_y",
         ),
+        "nav2_navfn": PluginNames(
+            values="tolerance use_astar allow_unknown max_cycles_factor use_final_approach_orientation",
+            namespaces="GridBased",
+        ),
+        "nav2_theta_star": PluginNames(
+            values=(
+                "how_many_corners allow_unknown w_euc_cost w_traversal_cost use_final_approach_orientation "
+                "start_policy"
+            ),
+            others="terminal_checking_interval w_heuristic_cost",
+            namespaces="GridBased",
+        ),
         "navfn": PluginNames(
             values="default_tolerance start_policy max_expansions allow_unknown visualize_potential use_astar",
             others="planner_window_x planner_window_y",
@@ -106,7 +118,8 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
                 "gdist_scale"
             ),
             others=(
-                "stop_time_buffer acc_lim_trans acc_limit_trans restore_defaults holonomic_robot penalize_negative_x"
+                "stop_time_buffer acc_lim_trans acc_limit_trans restore_defaults holonomic_robot "
+                "penalize_negative_x"
             ),
         ),
         "graceful": PluginNames(
@@ -200,7 +213,8 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "savitzky_golay": PluginNames(
             values=(
-                "do_refinement refinement_num enforce_path_inversion minimum_turning_radius window_size poly_order"
+                "do_refinement refinement_num enforce_path_inversion minimum_turning_radius window_size "
+                "poly_order"
             ),
         ),
         "simple": PluginNames(
@@ -220,11 +234,47 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         "keepout_mask": PluginNames(
             values="enabled mask",
         ),
+        "nav2_denoise": PluginNames(
+            values="enabled minimal_group_size group_connectivity_type",
+        ),
+        "nav2_inflation": PluginNames(
+            values=(
+                "enabled cost_scaling_factor inflation_radius inflate_unknown inflate_around_unknown "
+                "custom_inscribed_radius"
+            ),
+            others="num_threads",
+        ),
+        "nav2_obstacle": PluginNames(
+            values=(
+                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
+                "combination_method track_unknown_space transform_tolerance observation_sources"
+            ),
+            others="tf_filter_tolerance",
+        ),
+        "nav2_static": PluginNames(
+            values=(
+                "enabled map_topic subscribe_to_updates footprint_clearing_enabled "
+                "restore_cleared_footprint track_unknown_space use_maximum lethal_cost_threshold "
+                "inscribed_obstacle_cost_value unknown_cost_value trinary_costmap nav2_compatible"
+            ),
+            others="map_subscribe_transient_local transform_tolerance",
+        ),
+        "nav2_voxel": PluginNames(
+            values=(
+                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
+                "combination_method track_unknown_space transform_tolerance observation_sources origin_z "
+                "z_resolution z_voxels unknown_threshold mark_threshold publish_voxel_map"
+            ),
+            others="tf_filter_tolerance",
+        ),
         "obstacle": PluginNames(
             values=(
                 "enabled footprint_clearing_enabled max_obstacle_height combination_method "
                 "track_unknown_space transform_tolerance observation_sources obstacle_range raytrace_range"
             ),
+        ),
+        "plugin_container": PluginNames(
+            values="enabled plugins combination_method nav2_compatible",
         ),
         "range_sensor": PluginNames(
             values=(
@@ -252,14 +302,21 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
     "recovery behavior": {
         "back_up": PluginNames(
             values=(
-                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist backup_speed"
+                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist "
+                "backup_speed"
             ),
         ),
         "clear_costmap_recovery": PluginNames(
-            values=("reset_distance invert_area_to_clear force_updating affected_maps layer_names layer_search_string"),
+            values=(
+                "reset_distance invert_area_to_clear force_updating affected_maps layer_names "
+                "layer_search_string"
+            ),
         ),
         "drive_on_heading": PluginNames(
-            values=("time_allowance simulate_ahead_time cycle_frequency disable_collision_checks dist_to_travel speed"),
+            values=(
+                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks dist_to_travel "
+                "speed"
+            ),
         ),
         "move_slow_and_clear": PluginNames(
             values="clearing_distance limited_trans_speed limited_rot_speed limited_distance",

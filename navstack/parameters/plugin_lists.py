@@ -201,13 +201,16 @@ class PluginLists:
 
 def _closest(registry: Registry[Any], written: str) -> str | None:
     """The name closest to a misspelt one, written as that one: with or without a ROS package."""
-    names = {
-        n: e.name if _is_bare(written) else e.ros_name
-        for e in registry
-        for n in (e.name, *(short_type(a) for a in e.aliases))
-    }
+    names: dict[str, list[str]] = {}
+    for entry in registry:
+        for name in (entry.name, *(short_type(a) for a in entry.aliases)):
+            names.setdefault(name, []).append(entry.name if _is_bare(written) else entry.ros_name)
     close = nearest(short_type(written), names, cutoff=0.75)
-    return names[close] if close else None
+    if close is None:
+        return None
+    # types of several packages may have the name: that of the package that is written, or the first
+    package = normalize(written).rpartition("/")[0]
+    return next((n for n in names[close] if n.rpartition("/")[0] == package), names[close][0])
 
 
 def _is_bare(type_: str) -> bool:

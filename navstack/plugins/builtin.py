@@ -7,24 +7,32 @@ from typing import Final
 
 BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "costmap layer": {
-        "denoise": ("navstack.costmap.denoise_layer", "nav2_costmap_2d/DenoiseLayer"),
-        "inflation": (
-            "navstack.costmap.inflation_layer",
-            "costmap_2d/InflationLayer",
-            "nav2_costmap_2d/InflationLayer",
-        ),
+        "denoise": ("navstack.costmap.denoise_layer",),
+        "inflation": ("navstack.costmap.inflation_layer", "costmap_2d/InflationLayer"),
         "keepout_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/KeepoutFilter"),
-        "obstacle": ("navstack.costmap.obstacle_layer", "costmap_2d/ObstacleLayer", "nav2_costmap_2d/ObstacleLayer"),
-        "range_sensor": ("navstack.costmap.range_sensor_layer", "range_sensor_layer/RangeSensorLayer"),
+        "nav2_denoise": ("navstack.costmap.denoise_layer", "nav2_costmap_2d/DenoiseLayer"),
+        "nav2_inflation": ("navstack.costmap.inflation_layer", "nav2_costmap_2d/InflationLayer"),
+        "nav2_obstacle": ("navstack.costmap.obstacle_layer", "nav2_costmap_2d/ObstacleLayer"),
+        "nav2_static": ("navstack.costmap.static_layer", "nav2_costmap_2d/StaticLayer"),
+        "nav2_voxel": ("navstack.costmap.voxel_layer", "nav2_costmap_2d/VoxelLayer"),
+        "obstacle": ("navstack.costmap.obstacle_layer", "costmap_2d/ObstacleLayer"),
+        "plugin_container": ("navstack.costmap.plugin_container_layer", "nav2_costmap_2d/PluginContainerLayer"),
+        "range_sensor": (
+            "navstack.costmap.range_sensor_layer",
+            "range_sensor_layer/RangeSensorLayer",
+            "nav2_costmap_2d/RangeSensorLayer",
+        ),
         "speed_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/SpeedFilter"),
-        "static": ("navstack.costmap.static_layer", "costmap_2d/StaticLayer", "nav2_costmap_2d/StaticLayer"),
-        "voxel": ("navstack.costmap.voxel_layer", "costmap_2d/VoxelLayer", "nav2_costmap_2d/VoxelLayer"),
+        "static": ("navstack.costmap.static_layer", "costmap_2d/StaticLayer"),
+        "voxel": ("navstack.costmap.voxel_layer", "costmap_2d/VoxelLayer"),
     },
     "global planner": {
         "astar": ("navstack.global_planner.astar",),
         "carrot_planner": ("navstack.global_planner.carrot", "carrot_planner/CarrotPlanner"),
         "given_path": ("navstack.global_planner.given_path",),
         "global_planner": ("navstack.global_planner.global_planner", "global_planner/GlobalPlanner"),
+        "nav2_navfn": ("navstack.global_planner.navfn", "nav2_navfn_planner/NavfnPlanner"),
+        "nav2_theta_star": ("navstack.global_planner.theta_star", "nav2_theta_star_planner/ThetaStarPlanner"),
         "navfn": ("navstack.global_planner.navfn", "navfn/NavfnROS"),
         "smac_2d": ("navstack.global_planner.smac_2d", "nav2_smac_planner/SmacPlanner2D", "smac_planner_2d"),
         "smac_hybrid": (
@@ -126,7 +134,8 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "simple": ("navstack.local_planner.progress_checkers", "nav2_controller/SimpleProgressChecker"),
     },
     "path handler": {
-        "feasible": ("navstack.local_planner.path_handlers", "nav2_controller/FeasiblePathHandler"),
+        "feasible": ("navstack.local_planner.path_handlers",),
+        "nav2_feasible": ("navstack.local_planner.path_handlers", "nav2_controller/FeasiblePathHandler"),
     },
     "recovery behavior": {
         "back_up": ("navstack.behaviors.straight", "nav2_behaviors/BackUp", "nav2_recoveries/BackUp"),

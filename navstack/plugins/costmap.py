@@ -176,6 +176,8 @@ class Layer(ABC, Generic[P]):
     Params: ClassVar[type[ParamModel]]
     LIVE: ClassVar[frozenset[str]] = frozenset()
     """Parameters that `set_params` may change at run time."""
+    AS_NAV2: ClassVar[bool] = False
+    """Whether the layer is one of Nav2's: a costmap with one rolls as in Nav2."""
 
     @classmethod
     def traits(cls, params: P) -> LayerTraits:

@@ -260,7 +260,7 @@ def _inflation(configuration: Configuration, parameters: Mapping[str, Parameter]
         name: layer.namespace
         for name, costmap in (("global", configuration.global_costmap), ("local", configuration.local_costmap))
         for layer in costmap.layers
-        if layer.cls.__name__ == "InflationLayer"
+        if layer.cls.__name__.endswith("InflationLayer")
     }
     radius = configuration.local_costmap.footprint.inscribed_radius
     for name, default in INFLATION.items():

@@ -104,8 +104,9 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
 GLOBAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
     "smac_hybrid": {"minimum_turning_radius": 0.1, "motion_model_for_search": "REEDS_SHEPP"},
     "smac_lattice": {"lattice_filepath": "10cm_resolution/0.2m_turning_radius/diff/output.json"},
+    "nav2_navfn": {"tolerance": 0.1},
 }
-"""The rooms of the contract are too small for turns of the default radius."""
+"""The rooms of the contract are too small for turns of the default radius, and for a goal within 0.5 m."""
 
 SUITES: dict[str, type[Any]] = {
     **{f"TestLayer_{e.name}": layer_contract(e.cls) for e in LAYERS},

@@ -45,7 +45,7 @@ def test_level_rays_clear_the_cells_of_each_step(levels: int, word: type) -> Non
     columns = np.where(rng.random((N, N)) < 0.3, rng.integers(0, 1 << 2 * levels, (N, N)), 0).astype(word)
     expected_costs, expected = costs.copy(), columns.astype(np.int64)
     grid = np.zeros(1, VOXEL_GRID)
-    grid[0] = (0.0, 0.0, 0.0, RESOLUTION, 0.2, 10.0, levels, 0, 16)
+    grid[0] = (0.0, 0.0, 0.0, RESOLUTION, 0.2, 10.0, -np.inf, 10.0, 0.5, 0.0, levels, 0, 16)
     level, z = 1, 0.3
     start = 25, 31
     sx, sy = ((c + 0.5) * RESOLUTION for c in start)

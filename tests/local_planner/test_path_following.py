@@ -191,7 +191,7 @@ def test_a_cusp_is_a_change_of_direction_by_more_than_a_right_angle(direction: f
     ends = [(1.0 * math.cos(direction), 1.0 * math.sin(direction))]
     back = direction + change
     ends.append((ends[0][0] + 0.3 * math.cos(back), ends[0][1] + 0.3 * math.sin(back)))
-    plan = np.zeros((3, 4))
+    plan = np.zeros((3, 5))
     plan[1:, :2] = ends
     out = np.empty(3, np.int64)
     assert path_cuts(plan, True, 10.0, out) == int(abs(change) > 0.5 * math.pi)
@@ -246,7 +246,7 @@ def test_a_path_is_cut_where_it_turns_in_place() -> None:
 
 def test_a_plan_of_one_pose_can_be_refused() -> None:
     with pytest.raises(InvalidPathError, match="single pose"):
-        handler(Path(np.zeros((1, 3))), reject_unit_path=True)
+        handler(Path(np.zeros((1, 3))), reject_unit_path=True).local_path(GOAL, Transform2D(), WINDOW)
 
 
 # --- parameters -------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
@@ -65,7 +66,7 @@ class Query(NamedTuple):
     start_cell: Cell
     lead: NDArray[np.float64]
     """(n, 2) points of the path before `start`, see `SearchStart`."""
-    goals: list[tuple[Pose2D, Cell]]
+    goals: Sequence[tuple[Pose2D, Cell]]
     """Acceptable goals that are not blocked, in order of preference; at least one."""
     keep_potential: bool
 
@@ -148,7 +149,7 @@ class SearchPlanner(GlobalPlanner):
         """
         began = time.perf_counter()
         start, goal = with_yaw_in_range(start), with_yaw_in_range(goal)
-        start_cell, goal_cell = cells_of(costmap, start, goal)
+        start_cell, goal_cell = self._cells_of(costmap, start, goal)
         request = Request(start, goal, costmap.geometry, costmap.frame, keep_potential, footprint)
         cached = self._cache.lookup(costmap, request)
         if cached is not None:
@@ -156,11 +157,7 @@ class SearchPlanner(GlobalPlanner):
         params = cast("SearchParams", self.params)
         space = SearchSpace(costmap, self._search.costs, self._search.border_blocked)
         begin = apply_start_policy(space, start, start_cell, footprint, params.start_policy)
-        goals = [
-            (pose, cell)
-            for pose, cell in goal_candidates(costmap, goal, params.default_tolerance)
-            if cell == begin.cell or not begin.space.is_blocked(cell)
-        ]
+        goals = self._goals(begin, goal, params.default_tolerance)
         if not goals:
             raise errors.goal_occupied(space, goal, goal_cell, params.default_tolerance)
         query = Query(begin.space, begin.pose, begin.cell, begin.lead, goals, keep_potential)
@@ -170,6 +167,18 @@ class SearchPlanner(GlobalPlanner):
         plan = self._plan(request, begin, route, began)
         self._cache.store(costmap, request, plan, *self._dependencies(costmap, begin, route))
         return plan
+
+    def _cells_of(self, costmap: Costmap, start: Pose2D, goal: Pose2D) -> tuple[Cell, Cell]:
+        """The cells of start and goal. Raises InputError, StartOutsideMapError or GoalOutsideMapError."""
+        return cells_of(costmap, start, goal)
+
+    def _goals(self, begin: SearchStart, goal: Pose2D, tolerance: float) -> Sequence[tuple[Pose2D, Cell]]:
+        """The acceptable goals with their cells, in order of preference."""
+        return [
+            (pose, cell)
+            for pose, cell in goal_candidates(begin.space.costmap, goal, tolerance)
+            if cell == begin.cell or not begin.space.is_blocked(cell)
+        ]
 
     def _plan(self, request: Request, begin: SearchStart, route: Route, began: float) -> Plan:
         poses = np.zeros((len(begin.lead) + len(route.points) + 1, 3))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -86,6 +87,24 @@ class NavfnPropagation(Propagation):
 
     def complete(self, wave: Wavefront, query: WaveQuery, guide: Guide | None) -> None:
         """Do nothing: the traceback needs no other cells."""
+
+
+class StraightAStarPropagation(NavfnPropagation):
+    """A* of Nav2's navfn: as navfn, but the straight distance to the goal is added before cells are sorted into the lists.
+
+    It stops at the first arrival, with potentials that no later list lowers: paths may cost more than those of Dijkstra.
+    """
+
+    def propagate(self, wave: Wavefront, query: WaveQuery, guide: Guide | None) -> None:
+        """Run the wave to the goal; it takes no guide."""
+        assert guide is None
+        root, (x, y) = query.start_cell, query.goal_cell
+        first = np.float32(
+            np.float32(math.hypot(root[0] - x, root[1] - y) * NAVFN_NEUTRAL) + np.float32(_NAVFN_THRESHOLD)
+        )
+        wave.begin_at(query.grid, query.costs, root, (x, y), threshold=float(first), rise=NAVFN_RISE)
+        wave.aim_at((x, y), NAVFN_NEUTRAL)
+        wave.run((x, y))
 
 
 class SubcellPropagation(Propagation):
@@ -191,7 +210,7 @@ class WaveRun:
         propagation: Propagation,
         query: WaveQuery,
         *,
-        goal_cells: list[Cell] | None = None,
+        goals: Sequence[tuple[Pose2D, Cell]] = (),
         keep_potential: bool = False,
     ) -> None:
         self.wave = wave
@@ -201,7 +220,7 @@ class WaveRun:
         """(ny, nx) potential of the last run, if it was requested."""
         self.is_guided = False
         """Whether the last run had a guide."""
-        self._goal_cells = goal_cells or [query.goal_cell]
+        self._goals = goals or [(query.goal, query.goal_cell)]
         self._keep_potential = keep_potential
 
     def run(self, guide: Guide | None = None) -> float:
@@ -216,7 +235,7 @@ class WaveRun:
         self.propagation.complete(wave, query, guide)
         found = wave.potential_of(*query.goal_cell)
         if found == math.inf and wave.is_exhausted:
-            found = min(wave.potential_of(*cell) for cell in self._goal_cells)
+            found = min(wave.potential_of(*cell) for _, cell in self._goals)
             if found == math.inf:
                 raise SearchExhausted
         return found

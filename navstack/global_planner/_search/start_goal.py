@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -132,13 +132,17 @@ def _cells_under(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> tuple[
     return ys[inside], xs[inside]
 
 
-def goal_candidates(costmap: Costmap, goal: Pose2D, tolerance: float) -> list[tuple[Pose2D, Cell]]:
+def goal_candidates(
+    costmap: Costmap, goal: Pose2D, tolerance: float, cell_of: Callable[[float, float], Cell | None] | None = None
+) -> list[tuple[Pose2D, Cell]]:
     """Acceptable goals, nearest first: the goal, or with a tolerance (m) a lattice in the square around it.
 
-    The lattice begins at goal - tolerance and has the resolution of the costmap (NavfnROS::makePlan).
+    The lattice begins at goal - tolerance and has the resolution of the costmap (NavfnROS::makePlan). `cell_of` returns the cell
+    of a point (m), None outside the map; by default the cell that contains it.
     """
     g = costmap.geometry
-    own = g.world_to_cell(goal.x, goal.y)
+    cell_of = cell_of or g.world_to_cell
+    own = cell_of(goal.x, goal.y)
     if tolerance <= 0.0:
         return [] if own is None else [(goal, own)]
     found: list[tuple[float, Pose2D, Cell]] = []
@@ -146,7 +150,7 @@ def goal_candidates(costmap: Costmap, goal: Pose2D, tolerance: float) -> list[tu
     while y <= goal.y + tolerance:
         x = goal.x - tolerance
         while x <= goal.x + tolerance:
-            cell = g.world_to_cell(x, y)
+            cell = cell_of(x, y)
             if cell is not None:
                 found.append(((x - goal.x) ** 2 + (y - goal.y) ** 2, Pose2D(x, y, goal.yaw), cell))
             x += g.resolution

@@ -134,6 +134,13 @@ def _doubled(points):
 
 
 @kernel
+def _rounded(offset):
+    """Round to the nearest integer, halves away from zero, as C's round: straight paths have steps of exactly half a cell."""
+    size = np.int64(abs(np.float64(offset)) + 0.5)
+    return size if offset > 0.0 else -size
+
+
+@kernel
 def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience):
     """Steps of half a cell down bilinearly interpolated unit gradients, from cell k (+ dx, dy) to the root.
 
@@ -154,7 +161,7 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
     half = np.float32(0.5)
     whole = np.float32(1.0)
     while True:
-        nearest = k + int(np.rint(dx)) + nx * int(np.rint(dy))
+        nearest = k + _rounded(dx) + nx * _rounded(dy)
         nearest = max(0, min(limit - 1, nearest))
         ix, iy = k % nx, k // nx
         x = np.float32(ix) + dx

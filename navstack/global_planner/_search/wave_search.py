@@ -231,7 +231,8 @@ class CoarseHeuristic:
 class WaveSearch(Search):
     """A wave of these costs, started by a propagation, and the path that a traceback finds in its potential.
 
-    `use_astar`: guide the wave by a coarse heuristic. `keep_potential`: return the potential with every plan.
+    `use_astar`: guide the wave by a coarse heuristic. `keep_potential`: return the potential with every plan. `guided`: guide
+    replanning to the same goal by a potential that is kept.
     """
 
     def __init__(
@@ -244,6 +245,7 @@ class WaveSearch(Search):
         border_blocked: bool = True,
         max_expanded: int = UNLIMITED,
         keep_potential: bool = False,
+        guided: bool = True,
     ) -> None:
         super().__init__(costs, border_blocked=border_blocked)
         self._wave_costs = costs
@@ -252,6 +254,7 @@ class WaveSearch(Search):
         self._keep_potential = keep_potential
         self._heuristic = CoarseHeuristic() if use_astar else None
         self._goal_potential = GoalPotential()
+        self._guided = guided
         self.wave = Wavefront()
         self.wave.max_expanded = max_expanded
 
@@ -264,13 +267,13 @@ class WaveSearch(Search):
         # a wave does not enter the outermost cells: if they are not blocked, it runs on a larger grid
         pad = 0 if self.border_blocked else 1
         grid = _padded(query.space.costmap) if pad else query.space.costmap
-        goals = [(pose, (ix + pad, iy + pad)) for pose, (ix, iy) in query.goals]
+        goals = [(pose, (ix + 1, iy + 1)) for pose, (ix, iy) in query.goals] if pad else query.goals
         start_cell = query.start_cell[0] + pad, query.start_cell[1] + pad
         run = WaveRun(
             self.wave,
             self._propagation,
             WaveQuery(grid, self._wave_costs, query.start, start_cell, *goals[0]),
-            goal_cells=[cell for _, cell in goals],
+            goals=goals,
             keep_potential=query.keep_potential or self._keep_potential,
         )
         try:
@@ -301,7 +304,7 @@ class WaveSearch(Search):
 
     def _run(self, run: WaveRun) -> None:
         """Run the wave: guided by the potential of earlier plans, as A*, or as Dijkstra."""
-        if self._goal_potential.search(run):
+        if self._guided and self._goal_potential.search(run):
             return
         if self._heuristic is None:
             run.run()

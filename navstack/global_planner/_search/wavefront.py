@@ -59,6 +59,9 @@ STATE = np.dtype(
         ("rise", np.float32),  # increment of the threshold
         ("last", np.float32),  # the propagation ends when the threshold exceeds it
         ("limit", np.float32),  # largest sum of potential and guide
+        ("aim_x", np.int64),  # cell to which straight distances count, see `aim_cost`
+        ("aim_y", np.int64),
+        ("aim_cost", np.float32),  # cost of a cell of straight distance; 0: distances do not count
     ],
     align=True,
 )
@@ -231,6 +234,9 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
     (no border with shift 0). Cells where the sum of both potentials, less their own cost, which both include, exceeds
     `limit` are pruned.
 
+    With `aim_cost` above 0, the straight distance to the cell (aim_x, aim_y) in cells times `aim_cost` is added to a potential
+    before it decides which neighbors are queued, and in which list: A* of Nav2's navfn.
+
     Returns the three lists and `flags` (uint8), replaced by larger arrays where they had to grow.
     """
     s = state[0]
@@ -244,6 +250,8 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
     last = s.last
     limit = s.limit
     stop = s.stop
+    aimed = s.aim_cost > np.float32(0.0)
+    aim_x, aim_y, aim_cost = s.aim_x, s.aim_y, np.float64(s.aim_cost)
     zero = np.uint64(0)
     one = np.uint64(1)
     two = np.uint64(2)
@@ -288,13 +296,18 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
                         rest = guide[k]
                     p = INF if p + rest - h > limit else p
                 pot[k] = p if p < old else old
-                e = p if p < old else INF
+                rank = p
+                if aimed:
+                    y = np.uint32(k) // np.uint32(nx)
+                    x = np.uint32(k) - y * np.uint32(nx)
+                    rank += np.float32(math.hypot(np.int64(x) - aim_x, np.int64(y) - aim_y) * aim_cost)
+                e = rank if p < old else INF
                 flags[i] = (
                     np.uint8(left > e + weights[cost[k - one]])
                     | (np.uint8(right > e + weights[cost[k + one]]) << 1)
                     | (np.uint8(up > e + weights[cost[k - stride]]) << 2)
                     | (np.uint8(down > e + weights[cost[k + stride]]) << 3)
-                    | (np.uint8(p < threshold) << 4)
+                    | (np.uint8(rank < threshold) << 4)
                     | (np.uint8(e < INF) << 5)
                 )
             if outside < length:
@@ -489,6 +502,9 @@ class Wavefront:
             rise,
             0.0,
             0.0,
+            0,
+            0,
+            0.0,
         )
         margin = max(nx, ny) if whole else _MARGIN
         xs = [target[0], *(x for (x, _), _ in seeds)]
@@ -537,6 +553,11 @@ class Wavefront:
             rise=rise,
             whole=whole,
         )
+
+    def aim_at(self, cell: Cell, cost: float) -> None:
+        """Sort cells by potential plus `cost` times the straight distance (cells) to `cell`; call it after `begin`."""
+        self._fields["aim_x"][0], self._fields["aim_y"][0] = cell
+        self._fields["aim_cost"][0] = cost
 
     def _allocate(self, nx: int, ny: int) -> None:
         if (nx, ny) == (self.nx, self.ny):
