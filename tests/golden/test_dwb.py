@@ -2,10 +2,10 @@
 
 The data are those of NAVSTACK_GOLDEN_NAV2_W3 (default `../shared/golden_nav2_w3`); jobs and scenes are found by name.
 
-Both sides compute in double precision with the same formulas; C++ may contract a product and a sum (FMA), and its cosine may differ
-in the last bit. Two builds of the C++ differ by 2e-16 in twists and 3e-14 in poses: TWIST and POSE leave room for other machines.
-Raw scores and totals are float32 there: FLOAT32 is two units in the last place. Which samples are legal, why not, how many points
-they have and which one is chosen must be the same; so must the state of the critics after every cycle.
+Both sides compute in double precision with the same formulas; C++ may contract a product and a sum (FMA), and its cosine may
+differ in the last bit. Two builds of the C++ differ by 2e-16 in twists and 3e-14 in poses: TWIST and POSE leave room for other
+machines. Raw scores and totals are float32 there: FLOAT32 is two units in the last place. Which samples are legal, why not, how
+many points they have and which one is chosen must be the same; so must the state of the critics after every cycle.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import ControlError, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
+from navstack.core import ControlError, Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
 from navstack.local_planner.critics.rotate_to_goal import RotateToGoalCritic
 from navstack.local_planner.dwb.critics import OscillationCritic
 from navstack.local_planner.path_follower import Following
-from navstack.plugins import LOCAL_PLANNERS, LocalPath, LocalPlan, Rollouts
+from navstack.plugins import LOCAL_PLANNERS, Inflation, LocalPath, LocalPlan, Rollouts
 from tests.conftest import SHARED
 
 TWIST = 1e-12
@@ -36,6 +36,8 @@ AT_A_LIMIT = 1e-9
 LARGEST = np.float64(np.finfo(np.float32).max)
 """Products beyond it are infinite in the data."""
 PERIOD_S = 0.05
+INFLATED = Inflation(0.22, 0.55, 3.0)
+"""How the costs of the scenes were inflated."""
 FOLDER = FilePath(os.environ.get("NAVSTACK_GOLDEN_NAV2_W3") or SHARED / "golden_nav2_w3")
 FILES = {file.name: file for file in sorted(FOLDER.glob("dwb_*"))}
 pytestmark = pytest.mark.skipif(
@@ -111,13 +113,13 @@ class Scene:
         length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
         path = LocalPath(poses, length, length, int(row[6]), int(row[7]))
         state = RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz), time)
-        now = Following(state, path, self.goal, self.costmap, self.footprint, None, False, False, False, False)
+        now = Following(state, path, self.goal, self.costmap, self.footprint, INFLATED, False, False, False, False)
         try:
             plan = planner.follow(now)
         except ControlError as exc:
             assert exc.code == 106
             plan = None
-        _, rollouts, table, local = planner._last
+        _, rollouts, table, local, _ = planner._last
         return Cycle(
             plan,
             local.samples,

@@ -4,8 +4,8 @@
 
 The scene is that of the C++ times: 60 cycles of a closed loop on office_0 (64 x 64 cells), with the parameters of nav2_bringup
 (20 x 20 samples, 419 of them legal), a rectangular footprint, 20 x 5 x 20 samples, or the other generator. The whole of
-`compute_command` is timed: path handler, goal checker, samples, critics, table; in C++ computeVelocityCommands, which gets its part
-of the plan. ratio = C++ ms * (calibration now / calibration then) / ms.
+`compute_command` is timed: path handler, goal checker, samples, critics, table; in C++ computeVelocityCommands, which gets
+its part of the plan. ratio = C++ ms * (calibration now / calibration then) / ms.
 
 Processor times: other programs may share the processor. Calibrations are taken before and after each case, their mean counts.
 `--compile` compiles the kernels of bringup in a new process without a cache, and prints the time.
@@ -28,9 +28,11 @@ from reference import Reference
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
 from navstack.core import Path as NavPath
-from navstack.plugins import LOCAL_PLANNERS, ControlInput
+from navstack.plugins import LOCAL_PLANNERS, ControlInput, Inflation
 
-NAV2 = Path(os.environ.get("NAVSTACK_GOLDEN_NAV2_W3") or Path(__file__).resolve().parents[3] / "shared" / "golden_nav2_w3")
+NAV2 = Path(
+    os.environ.get("NAVSTACK_GOLDEN_NAV2_W3") or Path(__file__).resolve().parents[3] / "shared" / "golden_nav2_w3"
+)
 PERIOD_S = 0.05
 CYCLES = 60
 OMNI = {"min_vel_x": -0.1, "min_vel_y": -0.2, "max_vel_y": 0.2, "acc_lim_y": 2.5, "decel_lim_y": -2.5}
@@ -38,7 +40,10 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "dwb_bringup": ("round", {}),
     "dwb_bringup_quiet": ("round", {}),
     "dwb_noshort": ("round", {"short_circuit_trajectory_evaluation": False}),
-    "dwb_rect_footprint": ("rect", {"critics": "BaseObstacle -> ObstacleFootprint", "ObstacleFootprint": {"scale": 0.02}}),
+    "dwb_rect_footprint": (
+        "rect",
+        {"critics": "BaseObstacle -> ObstacleFootprint", "ObstacleFootprint": {"scale": 0.02}},
+    ),
     "dwb_omni": ("round", OMNI),
     "dwb_limited_accel": ("round", {"trajectory_generator_name": "dwb_plugins::LimitedAccelGenerator"}),
 }
@@ -85,7 +90,7 @@ class Loop:
         controller.set_plan(NavPath(self.plan, "map"), Pose2D(*self.plan[-1].tolist()))
         for i in range(CYCLES):
             state = RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz), i * PERIOD_S)
-            inputs = ControlInput(state, self.costmap, self.footprint)
+            inputs = ControlInput(state, self.costmap, self.footprint, inflation=Inflation(0.22, 0.55, 3.0))
             begin = time.process_time_ns()
             vx, vy, wz = controller.compute_command(inputs).command
             times.append((time.process_time_ns() - begin) * 1e-6)
@@ -98,14 +103,17 @@ class Loop:
 def compile_time() -> float:
     """Seconds that the first cycle takes in a new process without a cache, beyond the import of numba."""
     code = (
-        "import sys, time; sys.path.insert(0, sys.argv[1]); import numba; import dwb; loop, p = dwb.Loop('round'), dwb.planner({}); "
-        "q, rect = dwb.planner(dwb.CASES['dwb_rect_footprint'][1]), dwb.Loop('rect'); t = time.perf_counter(); loop.drive(p); "
-        "a = time.perf_counter() - t; rect.drive(q); print(a, time.perf_counter() - t - a)"
+        "import sys, time; sys.path.insert(0, sys.argv[1]); import numba; import dwb; loop, p = dwb.Loop('round'), "
+        "dwb.planner({}); q, rect = dwb.planner(dwb.CASES['dwb_rect_footprint'][1]), dwb.Loop('rect'); "
+        "t = time.perf_counter(); loop.drive(p); a = time.perf_counter() - t; rect.drive(q); "
+        "print(a, time.perf_counter() - t - a)"
     )
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "XDG_CACHE_HOME": folder, "NAVSTACK_CACHE": folder}
         command = [sys.executable, "-c", code, str(Path(__file__).parent)]
-        first, second = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout.split()
+        first, second = subprocess.run(
+            command, check=True, capture_output=True, text=True, env=environment
+        ).stdout.split()
     print(f"compiling: {float(first):.1f} s for bringup, {float(second):.1f} s more for ObstacleFootprint")
     return float(first)
 

@@ -1,8 +1,8 @@
 # pyright: basic
 """Critics of DWB that DWA does not have in this form: ObstacleFootprint, Oscillation, Twirling (dwb_critics).
 
-BaseObstacle, PreferForward and RotateToGoal are in `navstack.local_planner.critics`: planners of ROS 1 can list them, too. Those that
-measure distances to the plan are in `map_grid`.
+BaseObstacle, PreferForward and RotateToGoal are in `navstack.local_planner.critics`: planners of ROS 1 can list them, too. Those
+that measure distances to the plan are in `map_grid`.
 """
 
 from __future__ import annotations
@@ -335,5 +335,3 @@ class ScaledTwirlingCritic(TwirlingCritic):
     def scale(self) -> float:
         """`scale`."""
         return self.params.scale
-
-

@@ -197,7 +197,14 @@ def sample_twists(start, settings_, axes, samples, steps):
         start[4], p.min_vel_y, p.max_vel_y, p.acc_lim_y, p.decel_lim_y, seconds, p.vy_samples, axes[1]
     )
     number_w = axis_values(
-        start[5], -p.max_vel_theta, p.max_vel_theta, p.acc_lim_theta, p.decel_lim_theta, seconds, p.vtheta_samples, axes[2]
+        start[5],
+        -p.max_vel_theta,
+        p.max_vel_theta,
+        p.acc_lim_theta,
+        p.decel_lim_theta,
+        seconds,
+        p.vtheta_samples,
+        axes[2],
     )
     fastest, slowest = p.max_speed_xy * p.max_speed_xy + SPEED_EPSILON, p.min_speed_xy * p.min_speed_xy
     has_fastest, has_slowest = p.max_speed_xy >= 0.0, p.min_speed_xy >= 0.0 and p.min_speed_theta >= 0.0
@@ -242,7 +249,7 @@ def wrapped(yaw):
 
 @plain_kernel
 def turn(headings, yaw, turning, target, p, number):
-    """Write the heading in (-pi, pi] before each of `number` steps, its cosine and sine, and the last heading to `headings` (3, T)."""
+    """Write headings in (-pi, pi] to `headings` (3, T): before each of `number` steps, with cosine and sine, and the last one."""
     dt = p.sim_time / number
     yaw = wrapped(yaw)
     for i in range(number):

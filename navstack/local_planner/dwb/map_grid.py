@@ -1,9 +1,10 @@
 # pyright: basic
 """The critics of DWB that measure distances in cells: PathDist, GoalDist, PathAlign, GoalAlign (dwb_critics' MapGridCritic).
 
-The value of a cell is its Manhattan distance to the nearest source cell, through obstacles: other critics keep the robot off them.
-Nav2 floods the grid with a priority queue; the same values come from two sweeps (A. Rosenfeld, J. Pfaltz, "Sequential Operations
-in Digital Picture Processing", 1966). The sources are cells of the plan (PathDist), or its last cell in the costmap (GoalDist).
+The value of a cell is its Manhattan distance to the nearest source cell, through obstacles: other critics keep the robot off
+them. Nav2 floods the grid with a priority queue; the same values come from two sweeps (A. Rosenfeld, J. Pfaltz, "Sequential
+Operations in Digital Picture Processing", 1966). The sources are cells of the plan (PathDist), or its last cell in the costmap
+(GoalDist).
 """
 
 from __future__ import annotations

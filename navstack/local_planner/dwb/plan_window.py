@@ -17,8 +17,8 @@ EVERYWHERE = np.array([-math.inf, -math.inf, math.inf, math.inf])
 class PlanWindow(PathHandler):
     """Hands out the poses of the plan around the robot (DWBLocalPlanner::transformGlobalPlan).
 
-    From the first one nearer than `prune_distance` until the first one farther than `forward_prune_distance`, both at most half of
-    the local costmap; without `prune` or `shorten` that half alone. The first one is looked for in the next
+    From the first one nearer than `prune_distance` until the first one farther than `forward_prune_distance`, both at most half
+    of the local costmap; without `prune` or `shorten` that half alone. The first one is looked for in the next
     `forward_prune_distance` of the plan. With `prune`, poses before it are dropped permanently.
     """
 

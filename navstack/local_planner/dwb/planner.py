@@ -13,18 +13,18 @@ from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationInfo, create_model, field_validator, model_validator
 
 from navstack.core import NoValidControlError, ParameterError, Path, Twist2D, UnknownPluginError, plain_kernel
 from navstack.local_planner import parameter_checks as checks
 from navstack.local_planner.critics.base_obstacle import BaseObstacleCritic
 from navstack.local_planner.critics.rotate_to_goal import RotateToGoalCritic
-from navstack.local_planner.dwb.critics import ObstacleFootprintCritic
+from navstack.local_planner.dwb.critics import ObstacleFootprintCritic, ObstacleFootprintParams
 from navstack.local_planner.dwb.generator import LIMITED_ACCEL, STANDARD, DWBGenerator, Kinematics
 from navstack.local_planner.dwb.map_grid import AlignParams
 from navstack.local_planner.dwb.plan_window import PlanWindow
 from navstack.local_planner.path_follower import Following, PathFollower, PathFollowerParams, check_speed
+from navstack.local_planner.path_handlers import FeasiblePathHandlerParams
 from navstack.local_planner.rollouts import check_samples
 from navstack.local_planner.scoring import (
     ScoreTable,
@@ -171,7 +171,10 @@ class DWBParams(PathFollowerParams):
     trajectory_generator_name: str = param(STANDARD, f"{STANDARD} or {LIMITED_ACCEL}")
     sim_time: float = param(1.7, "duration of the simulated trajectories", unit="s", gt=0.0)
     sim_period: float | None = param(
-        None, "LimitedAccelGenerator: samples are reached within this time; not set: 1 / controller_frequency", unit="s", gt=0.0
+        None,
+        "LimitedAccelGenerator: samples are reached within this time; not set: 1 / controller_frequency",
+        unit="s",
+        gt=0.0,
     )
     discretize_by_time: bool = param(False, "steps of time_granularity instead of the other two granularities")
     time_granularity: float = param(0.5, "time between the points of a trajectory", unit="s", gt=0.0)
@@ -201,12 +204,17 @@ class DWBParams(PathFollowerParams):
         0.25, "distance from the goal at which RotateToGoal starts, if not in its namespace", unit="m", ge=0.0
     )
     trans_stopped_velocity: float = param(
-        0.25, "speed up to which the robot counts as stopped for RotateToGoal, if not in its namespace", unit="m/s", ge=0.0
+        0.25,
+        "speed up to which the robot counts as stopped for RotateToGoal, if not in its namespace",
+        unit="m/s",
+        ge=0.0,
     )
     path_length_tolerance: float = param(
         1.0, "RotateToGoal does not start while more of the path is left, if not in its namespace", unit="m", ge=0.0
     )
-    default_critic_namespaces: list[str] = param([NAMESPACE], "packages in which critics are looked for by their short names")
+    default_critic_namespaces: list[str] = param(
+        [NAMESPACE], "packages in which critics are looked for by their short names"
+    )
     critics: list[str] | None = param(
         None, "ordered critics; if not set, those of nav2_bringup with its values", ros_differs="required there"
     )
@@ -250,9 +258,10 @@ class DWBParams(PathFollowerParams):
         for name in listed_critics(values):
             try:
                 entry = critic_plugin(name, class_of(name, values.get(name)), namespaces)
-            except UnknownPluginError:
-                continue  # reported with the list
-            found[name] = with_class(entry.cls.Params)
+                found[name] = with_class(entry.cls.Params)
+            except UnknownPluginError:  # reported with the list
+                if isinstance(values.get(name), Mapping):
+                    found[name] = with_class(ParamModel)
         return found
 
     @property
@@ -297,9 +306,12 @@ class DWBParams(PathFollowerParams):
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield what keeps the robot from moving, from stopping or from reaching its goal."""
         yield from super().check(context)
-        critics = self.make_critics()
         yield from self._check_limits()
-        ahead = max((c.params.forward_point_distance for c in critics if isinstance(c.params, AlignParams)), default=0.0)
+        yield from self._check_plan_window()
+        critics = self.make_critics()
+        ahead = max(
+            (c.params.forward_point_distance for c in critics if isinstance(c.params, AlignParams)), default=0.0
+        )
         yield from checks.window_too_small(context, self.sim_time, self.max_vel_x, ahead)
         yield from checks.updates_too_slow(context, self.max_vel_x)
         yield from checks.stopping_time(-self.decel_lim_x, self.max_vel_x, self.sim_time)
@@ -314,6 +326,17 @@ class DWBParams(PathFollowerParams):
             limits = ("min_speed_xy", self.min_speed_xy, "max_speed_xy", self.max_speed_xy)
             yield from checks.minimum_over_maximum([limits])
         yield from self._check_critics_fit(context, critics)
+
+    def _check_plan_window(self) -> Iterator[Issue]:
+        written = [name for name in UNTIL_KILTED if name in self.model_fields_set]
+        handlers = [n for n, section in self.sections.items() if isinstance(section, FeasiblePathHandlerParams)]
+        useless = [n for n in handlers if self.sections[n].model_fields_set]
+        if written and useless:
+            message = (
+                f"{written[0]} selects the part of the plan as Nav2 does up to Kilted, so the parameters of {useless[0]} have no "
+                f"effect; remove {' and '.join(written)}, or {useless[0]}"
+            )
+            yield Issue("warning", "two-plan-windows", (written[0], useless[0]), message)
 
     def _check_limits(self) -> Iterator[Issue]:
         axes = (
@@ -339,17 +362,21 @@ class DWBParams(PathFollowerParams):
         for name, speed, acceleration, deceleration in moving:
             if acceleration == 0.0:
                 message = (
-                    f"acc_lim_{name} is 0 (its default), so from rest no speed along {name} is reached, though up to {speed:g} is "
-                    "allowed; set it to the acceleration of the base"
+                    f"acc_lim_{name} is 0 (its default), so from rest no speed along {name} is reached, though up to {speed:g} "
+                    "is allowed; set it to the acceleration of the base"
                 )
                 yield Issue("warning", "zero-limits", (f"acc_lim_{name}", f"max_vel_{name}"), message)
             elif deceleration == 0.0:
                 message = (
-                    f"decel_lim_{name} is 0 (its default), so no sample is slower along {name} than the robot: it never brakes for "
-                    f"obstacles or its goal; set it to {-acceleration:g}, the negative of acc_lim_{name}"
+                    f"decel_lim_{name} is 0 (its default), so no sample is slower along {name} than the robot: it never brakes "
+                    f"for obstacles or its goal; set it to {-acceleration:g}, the negative of acc_lim_{name}"
                 )
                 yield Issue(
-                    "warning", "no-deceleration", (f"decel_lim_{name}", f"acc_lim_{name}"), message, f"{-acceleration:g}"
+                    "warning",
+                    "no-deceleration",
+                    (f"decel_lim_{name}", f"acc_lim_{name}"),
+                    message,
+                    f"{-acceleration:g}",
                 )
 
     def _check_critics_fit(self, context: CheckContext, critics: list[Critic]) -> Iterator[Issue]:
@@ -362,11 +389,13 @@ class DWBParams(PathFollowerParams):
             return
         centers = [c.name for c in critics if isinstance(c, BaseObstacleCritic) and c.scale > 0.0]
         outlines = [c.name for c in critics if isinstance(c, ObstacleFootprintCritic) and c.scale > 0.0]
-        foreign = [c.name for c in critics if "obstacle" in type(c).__name__.lower() and c.name not in centers + outlines]
+        foreign = [
+            c.name for c in critics if "obstacle" in type(c).__name__.lower() and c.name not in centers + outlines
+        ]
         if not centers and not outlines and not foreign:
             message = (
-                "no critic rejects trajectories that hit obstacles: neither BaseObstacle nor ObstacleFootprint is in critics with "
-                "a scale above 0; add BaseObstacle (round robots) or ObstacleFootprint"
+                "no critic rejects trajectories that hit obstacles: neither BaseObstacle nor ObstacleFootprint is in critics "
+                "with a scale above 0; add BaseObstacle (round robots) or ObstacleFootprint"
             )
             yield Issue("warning", "no-obstacle-critic", ("critics",), message)
         footprint = context.local_costmap.footprint
@@ -378,10 +407,14 @@ class DWBParams(PathFollowerParams):
             yield Issue("warning", "footprint-ignored", ("critics",), message)
         tolerance = self.make_goal_checker().xy_tolerance
         for critic in critics:
-            if isinstance(critic, RotateToGoalCritic) and critic.scale > 0.0 and critic.params.xy_goal_tolerance > tolerance:
+            if (
+                isinstance(critic, RotateToGoalCritic)
+                and critic.scale > 0.0
+                and critic.params.xy_goal_tolerance > tolerance
+            ):
                 message = (
-                    f"{critic.name} starts to turn at xy_goal_tolerance = {critic.params.xy_goal_tolerance:g} m, outside of the goal "
-                    f"checker's {tolerance:g} m: the robot stops in between and never arrives; set it to {tolerance:g} or less"
+                    f"{critic.name} starts to turn at xy_goal_tolerance = {critic.params.xy_goal_tolerance:g} m, outside of the "
+                    f"goal checker's {tolerance:g} m: the robot stops in between and never arrives; set it to {tolerance:g}"
                 )
                 yield Issue(
                     "warning",
@@ -410,11 +443,15 @@ class DWBPlanner(PathFollower):
         super().__init__(params)
         self.critics = params.make_critics()
         if not self.critics:
-            raise ParameterError("DWB needs critics: list them in `critics`, or remove the key for those of nav2_bringup")
+            raise ParameterError(
+                "DWB needs critics: list them in `critics`, or remove the key for those of nav2_bringup"
+            )
+        # Nav2 differs: where costs are not inflated, the cost of the center says nothing about obstacles next to it
+        self._on_raw_costs = [outline_of(c) if isinstance(c, BaseObstacleCritic) else c for c in self.critics]
         self.generator = DWBGenerator(params, self.period)
         self._names = tuple(critic.name for critic in self.critics)
         self._kinematics = params.kinematics
-        self._last: tuple[ScoringContext, Rollouts, ScoreTable, LocalPlan] | None = None
+        self._last: tuple[ScoringContext, Rollouts, ScoreTable, LocalPlan, list[Critic]] | None = None
         self._raw, self._scales = np.empty((len(self.critics), 0)), np.empty(len(self.critics))
         self._use(self._kinematics)
 
@@ -498,7 +535,8 @@ class DWBPlanner(PathFollower):
         local = Path(now.path.poses, costmap.frame)
         if not len(samples):
             return self._standstill(local)
-        table = self._scored(context, rollouts)
+        critics = self.critics if now.inflation is not None else self._on_raw_costs
+        table = self._scored(context, rollouts, critics)
         best = table.best
         command = Twist2D(*rollouts.commands[best].tolist()) if best >= 0 else Twist2D()
         plan = LocalPlan(
@@ -515,11 +553,11 @@ class DWBPlanner(PathFollower):
             local,
             tuple(context.notes),
         )
-        self._last = context, rollouts, table, plan
+        self._last = context, rollouts, table, plan, critics
         for critic in self.critics:
             critic.debrief(command, now.state.pose)
         if best < 0:
-            text, data = rejection_report(table, self.critics, plan.samples)
+            text, data = rejection_report(table, critics, samples)
             raise NoValidControlError(text, **data, plan=plan)
         return plan
 
@@ -529,14 +567,14 @@ class DWBPlanner(PathFollower):
         if limits != self.params.kinematics and (limits.max_vel_theta == 0.0 or _fastest(limits) == 0.0):
             return LocalPlan(Twist2D(), local_plan=local, notes=("the speed limit is 0: no motion is sampled",))
         raise NoValidControlError(
-            "the limits leave no velocity to sample: max_vel_x, max_vel_theta and max_speed_xy, and the accelerations from rest, must "
-            "not be 0",
+            "the limits leave no velocity to sample: max_vel_x, max_vel_theta and max_speed_xy, and the accelerations from rest, "
+            "must not be 0",
             samples=0,
             rejected={},
         )
 
-    def _scored(self, context: ScoringContext, rollouts: Rollouts) -> ScoreTable:
-        k, critics = len(rollouts.counts), self.critics
+    def _scored(self, context: ScoringContext, rollouts: Rollouts, critics: list[Critic]) -> ScoreTable:
+        k = len(rollouts.counts)
         if self._raw.shape[1] != k:
             self._raw = np.empty((len(critics), k))
         scales = self._scales
@@ -558,8 +596,8 @@ class DWBPlanner(PathFollower):
         """Diagnostics of the last cycle, legal or not; None before the first, without a search, and on arrival."""
         if self._last is None:
             return None
-        context, rollouts, table, plan = self._last
-        return control_diagnostics(plan, context, rollouts, table, self.critics, self.rule)
+        context, rollouts, table, plan, critics = self._last
+        return control_diagnostics(plan, context, rollouts, table, critics, self.rule)
 
     @property
     def rule(self) -> str:
@@ -570,6 +608,12 @@ class DWBPlanner(PathFollower):
             "the lowest total is commanded; a sample is not scored further when its total exceeds the lowest one before it "
             "(short_circuit_trajectory_evaluation)"
         )
+
+
+def outline_of(critic: BaseObstacleCritic) -> ObstacleFootprintCritic:
+    """Return a critic that rejects what the footprint's outline hits, in place of one that looks at the center."""
+    values = ObstacleFootprintParams(scale=critic.params.scale, sum_scores=critic.params.sum_scores)
+    return ObstacleFootprintCritic(critic.name, values)
 
 
 def _fastest(limits: Kinematics) -> float:
