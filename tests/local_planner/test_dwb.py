@@ -182,6 +182,7 @@ def test_critics_of_other_packages_are_found_in_their_namespaces() -> None:
     assert [type(c).__module__.split(".")[2] for c in made.critics] == ["mppi", "critics"]
 
 
+@pytest.mark.slow
 def test_critics_of_dwa_score_for_dwb() -> None:
     made = following(planner(critics=["obstacle", "oscillation", "GoalDist"]))
     assert made.compute_command(inputs()).command.vx > 0.3

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -15,6 +16,7 @@ from navstack.local_planner.dwb.generator import LIMITED_ACCEL, STANDARD, DWBGen
 from navstack.local_planner.dwb.map_grid import cell_distances
 from navstack.plugins import ControlInput, Inflation
 
+pytestmark = pytest.mark.slow
 SETTINGS = settings(deadline=None, max_examples=80)
 SMALL = 1e-12
 POSE = 1e-9
