@@ -122,6 +122,26 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
                 "penalize_negative_x"
             ),
         ),
+        "dwb": PluginNames(
+            values=(
+                "controller_frequency goal_checker_plugins path_handler_plugins prune_distance "
+                "max_robot_pose_search_dist enforce_path_inversion inversion_xy_tolerance "
+                "inversion_yaw_tolerance min_vel_x max_vel_x min_vel_y max_vel_y max_vel_theta min_speed_xy "
+                "max_speed_xy min_speed_theta acc_lim_x acc_lim_y acc_lim_theta decel_lim_x decel_lim_y "
+                "decel_lim_theta trajectory_generator_name sim_time sim_period discretize_by_time "
+                "time_granularity linear_granularity angular_granularity include_last_point "
+                "limit_vel_cmd_in_traj vx_samples vy_samples vtheta_samples "
+                "short_circuit_trajectory_evaluation prune_plan forward_prune_distance "
+                "shorten_transformed_plan xy_goal_tolerance trans_stopped_velocity path_length_tolerance "
+                "default_critic_namespaces critics max_rot_vel min_trans_vel max_trans_vel min_rot_vel"
+            ),
+            others=(
+                "plugin transform_tolerance debug_trajectory_details publish_evaluation publish_global_plan "
+                "publish_transformed_plan publish_local_plan publish_trajectories publish_cost_grid_pc "
+                "marker_lifetime stateful"
+            ),
+            namespaces="FollowPath",
+        ),
         "graceful": PluginNames(
             values=(
                 "controller_frequency goal_checker_plugins path_handler_plugins prune_distance "
