@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.yaml_reader import DictNode, Node, plain
+
+if TYPE_CHECKING:
+    from navstack.parameters.nav2.translate import Translation
 
 MAX_DEPTH = 50
 """Namespaces within each other; the methods of a namespace recurse."""
@@ -194,6 +197,10 @@ class Sources:
     """Names of the overrides in messages."""
     arguments: dict[str, str] = field(default_factory=dict[str, str])
     """Arguments for launch files: the sources of the form `name:=value`."""
+    nav2: list[tuple[str, DictNode]] = field(default_factory=list[tuple[str, DictNode]])
+    """Files of Nav2: name in messages, content."""
+    translation: Translation | None = None
+    """What became of the files of Nav2; None without such files, or if they could not be read."""
 
     def add_finding(
         self, severity: Severity, rule: str, at: Location, message: str, suggestion: str | None = None

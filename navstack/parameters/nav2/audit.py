@@ -193,12 +193,12 @@ class NodeAudit:
         self.blocks: list[Block] = []
         self.arrays: dict[str, str] = {}
         """Key of each array that names blocks -> kind."""
-        self._problems: list[tuple[Severity, str, Location, str, str]] = []
-        self._add("", EVERY_NODE)
-        self._add("", node.scope)
+        self.problems: list[tuple[Severity, str, Location, str, str]] = []
+        self.add("", EVERY_NODE)
+        self.add("", node.scope)
         for scope, key, kind, first, last, defaults in _ARRAYS:
             if scope == node.scope and first <= distro <= last:
-                self._array("", key, kind, defaults)
+                self.add_array("", key, kind, defaults)
         if node.scope in ("collision_monitor", "collision_detector"):
             self._monitor()
         if node.scope == "docking_server":
@@ -212,7 +212,8 @@ class NodeAudit:
 
     # --- what is declared ---------------------------------------------------------------------------------------------
 
-    def _add(self, prefix: str, scope: str) -> None:
+    def add(self, prefix: str, scope: str) -> None:
+        """Add what a scope declares."""
         for name, row in declared(scope, self.distro).items():
             self.declared[prefix + name] = row
 
@@ -230,7 +231,8 @@ class NodeAudit:
         names = [v for v in value if isinstance(v, str)] if isinstance(value, list) else []
         return list(dict.fromkeys(names)), param.node.at
 
-    def _array(self, prefix: str, key: str, kind: str, defaults: Sequence[tuple[str, str]]) -> None:
+    def add_array(self, prefix: str, key: str, kind: str, defaults: Sequence[tuple[str, str]]) -> None:
+        """Add the blocks that a plugin array names, and what their classes declare."""
         name = prefix + key
         self.arrays[name] = kind
         written = self.ids(name)
@@ -263,7 +265,7 @@ class NodeAudit:
         if not has:
             what += f"; write `{id_}: {{plugin: {example}}}`, or remove it from {name}"
         message = f"{name} lists {id_}, but {what}"
-        self._problems.append(("error", "nav2-no-plugin", at, name, message))
+        self.problems.append(("error", "nav2-no-plugin", at, name, message))
 
     def _block(self, kind: str, id_: str, prefix: str, given: str, at: Location) -> None:
         cls = canonical(given)
@@ -272,7 +274,7 @@ class NodeAudit:
         if not known:
             return
         self._check_class(kind, cls, given, at, f"{prefix}plugin")
-        self._add(prefix, cls)
+        self.add(prefix, cls)
         expand = _EXPANSIONS.get(cls)
         if expand is not None:
             expand(self, prefix, at)
@@ -281,13 +283,12 @@ class NodeAudit:
         """Report a class that the distribution exports under another name, or has not yet."""
         distro = DISTROS[self.distro]
         exported = exported_name(kind, cls, self.distro)
-        if cls in CLASSES.get(kind, {}) and given.strip() != exported and "smac_planner::SmacPlanner" != cls:
-            since = "from Jazzy on" if "/" in given else "up to Iron"
+        if cls in CLASSES.get(kind, {}) and given.strip() != exported and cls != "smac_planner::SmacPlanner":
             message = (
-                f'{given} is not exported by Nav2 {distro}: the class is called "{exported}" {since}; write it, or name the '
+                f'Nav2 {distro} does not export {given}; the class is called "{exported}" there; write it, or name the '
                 "distribution of the file with --distro"
             )
-            self._problems.append(("error", "nav2-class-name", at, name, message))
+            self.problems.append(("error" if self.runs else "warning", "nav2-class-name", at, name, message))
 
     def _named(self, prefix: str, key: str, kind: str, scope: str) -> list[str]:
         """Add the blocks without a class that a list names."""
@@ -297,12 +298,14 @@ class NodeAudit:
         for name in names:
             where = f"{prefix}{name}."
             self.blocks.append(Block(kind, name, where, scope, at))
-            self._add(where, scope)
+            self.add(where, scope)
             if kind in ("layer source", "monitor source", "zone") and not any(
                 other.startswith(where) for other in self.node.params
             ):
-                message = f"{prefix}{key} lists {name}, but there is no block {where[:-1]}; write it, or remove the name"
-                self._problems.append(("warning", "nav2-no-block", at, prefix + key, message))
+                message = (
+                    f"{prefix}{key} lists {name}, but there is no block {where[:-1]}; write it, or remove the name"
+                )
+                self.problems.append(("warning", "nav2-no-block", at, prefix + key, message))
         return names
 
     def _monitor(self) -> None:
@@ -329,9 +332,9 @@ class NodeAudit:
             scope = f"{package}::{base}"
             self.blocks.append(Block("critic", name, where, scope, written[1] if written else at, is_known(scope)))
             if is_known(scope) or package == "mppi::critics":
-                self._add(where, scope)
+                self.add(where, scope)
             elif package == "dwb_critics":
-                self._add(where, "dwb critic")
+                self.add(where, "dwb critic")
         if package == "mppi::critics":
             for row in declared("mppi critic", self.distro):
                 for name in written[0] if written is not None else ():
@@ -358,14 +361,17 @@ class NodeAudit:
         name = self.node.text(f"{prefix}motion_model") or "diff_drive"
         if self.distro >= LYRICAL:
             self._declare(f"{prefix}{name}.plugin", "string")
-            self._add(f"{prefix}{name}.", "mppi motion model")
+            self.add(f"{prefix}{name}.", "mppi motion model")
             self.arrays[f"{prefix}motion_model"] = "motion model"
 
     # --- findings -----------------------------------------------------------------------------------------------------
 
     def findings(self, nodes: Nodes) -> Iterator[Finding]:
         """Yield everything that is wrong with the node's keys."""
-        for severity, rule, at, name, message in self._problems:
+        if not exists(self.node.name, self.distro):
+            yield self._absent()
+            return
+        for severity, rule, at, name, message in self.problems:
             yield finding(severity, rule, at, self.node.key(name), message)
         reported: set[str] = set()
         for param in self.node.params.values():
@@ -376,6 +382,18 @@ class NodeAudit:
                 found = self._undeclared(param, nodes, reported)
                 if found is not None:
                     yield found
+
+    def _absent(self) -> Finding:
+        """The finding about a node that the distribution does not have."""
+        name, distro = self.node.name, DISTROS[self.distro]
+        first, last = _NODES[name]
+        other = {"recoveries_server": "behavior_server", "behavior_server": "recoveries_server"}.get(name, "")
+        since = f"up to {DISTROS[last].title()}" if last < self.distro else f"from {DISTROS[first].title()} on"
+        message = f"the node {name} exists {since}, so Nav2 {distro} ignores its parameters; "
+        message += (
+            f"{distro} has {other}" if other else "remove them, or name the distribution of the file with --distro"
+        )
+        return finding("warning", "nav2-node", self.node.at, name, message, other or None)
 
     @property
     def runs(self) -> bool:
@@ -525,7 +543,7 @@ def _layer_sources(audit: NodeAudit, prefix: str, at: Location) -> None:
 
 def _smac(audit: NodeAudit, prefix: str, at: Location) -> None:
     del at
-    audit._add(f"{prefix}smoother.", "smac smoother")  # pyright: ignore[reportPrivateUsage]
+    audit.add(f"{prefix}smoother.", "smac smoother")
 
 
 def _mppi(audit: NodeAudit, prefix: str, at: Location) -> None:
@@ -543,7 +561,7 @@ def _shim(audit: NodeAudit, prefix: str, at: Location) -> None:
 
 def _container(audit: NodeAudit, prefix: str, at: Location) -> None:
     del at
-    audit._array(prefix, "plugins", "layer", ())  # pyright: ignore[reportPrivateUsage]
+    audit.add_array(prefix, "plugins", "layer", ())
 
 
 _EXPANSIONS: Final[dict[str, Callable[[NodeAudit, str, Location], None]]] = {
@@ -704,16 +722,27 @@ def _cut(text: str) -> str:
 # The distribution of a file: the one that its keys contradict least.
 
 
-_NEWER, _OLDER, _CLASS, _NODE = 3, 1, 8, 4
-"""Weights: a key that a later distribution brought, a key that was removed before, the name of a class, a node."""
-_NODES_SINCE: Final = {
-    "behavior_server": HUMBLE,
-    "smoother_server": HUMBLE,
-    "velocity_smoother": HUMBLE,
-    "docking_server": JAZZY,
-    "keepout_filter_mask_server": KILTED,
-    "speed_filter_mask_server": KILTED,
+_NEWER, _OLDER, _FATAL, _NODE = 3, 1, 100, 4
+"""Weights: a key that a later distribution brought, a key that was removed before, what keeps Nav2 from starting, a node."""
+_NODES: Final = {
+    "recoveries_server": (FOXY, GALACTIC),
+    "behavior_server": (HUMBLE, LYRICAL),
+    "smoother_server": (HUMBLE, LYRICAL),
+    "velocity_smoother": (HUMBLE, LYRICAL),
+    "collision_monitor": (HUMBLE, LYRICAL),
+    "collision_detector": (IRON, LYRICAL),
+    "docking_server": (JAZZY, LYRICAL),
+    "vector_object_server": (LYRICAL, LYRICAL),
 }
+"""First and last distribution of nodes that not every one has."""
+_NAMED_SINCE: Final = {"keepout_filter_mask_server": KILTED, "speed_filter_mask_server": KILTED}
+"""Names of nodes that the launch files of a distribution brought."""
+
+
+def exists(node: str, distro: int) -> bool:
+    """Return True if a distribution has the node."""
+    first, last = _NODES.get(node, (FOXY, LYRICAL))
+    return first <= distro <= last
 
 
 @dataclass(slots=True)
@@ -735,20 +764,20 @@ def find_distro(nodes: Nodes) -> Guess:
 def _cost(nodes: Nodes, distro: int) -> int:
     total = 0
     for node in nodes.nodes.values():
-        since = _NODES_SINCE.get(node.name, FOXY)
-        total += _NODE * (distro < since)
-        if node.name == "recoveries_server" and distro >= HUMBLE:
-            total += _NODE * ("behavior_server" not in nodes.nodes)
+        total += _NODE * (distro < _NAMED_SINCE.get(node.name, FOXY))
+        if not exists(node.name, distro):
+            total += (_NEWER if distro < _NODES[node.name][0] else _OLDER) * (1 + len(node.params))
+            continue
         audit = NodeAudit(node, distro)
-        total += _CLASS * sum(rule == "nav2-class-name" for _, rule, *_ in audit._problems)  # pyright: ignore[reportPrivateUsage]
+        total += _FATAL * sum(problem[1] == "nav2-class-name" for problem in audit.problems)
         for param in audit.undeclared():
             rows = audit.other_distros(param.name)
             if rows:
                 total += _OLDER if max(row.last for row in rows) < distro else _NEWER
         for name, param in node.params.items():
             row = audit.declared.get(name)
-            if row is not None and row.type in ("string", "doubles") and name.endswith(".points"):
-                total += _NEWER * bool(_type_message(param, row)[0])
+            if row is not None and name.endswith(".points"):
+                total += _FATAL * bool(_type_message(param, row)[0])
     return total
 
 
@@ -801,9 +830,7 @@ def _dwb_limits(audit: NodeAudit, block: Block) -> Iterator[Finding]:
         if p + accel in node.params or _number(node, p + accel) != 0.0:
             value = _number(node, p + accel)
             if value != 0.0 and p + decel not in node.params:
-                message = (
-                    f"{p}{decel} is missing; its default is 0.0, so DWB cannot slow down along {axis}; set {decel}: {-value:g}"
-                )
+                message = f"{p}{decel} is missing; its default is 0.0, so DWB cannot slow down along {axis}; set {decel}: {-value:g}"
                 yield problem(decel, message)
             elif _number(node, p + decel) > 0.0:
                 message = f"{p}{decel} = {_number(node, p + decel):g} is positive; DWB wants at most 0; write {-_number(node, p + decel):g}"

@@ -103,7 +103,15 @@ def declared(scope: str, distro: int) -> Mapping[str, Declared]:
 
 
 Kind = Literal[
-    "controller", "planner", "smoother", "goal checker", "progress checker", "path handler", "layer", "filter", "behavior"
+    "controller",
+    "planner",
+    "smoother",
+    "goal checker",
+    "progress checker",
+    "path handler",
+    "layer",
+    "filter",
+    "behavior",
 ]
 
 CLASSES: Final[Mapping[str, Mapping[str, str]]] = {
@@ -135,7 +143,8 @@ CLASSES: Final[Mapping[str, Mapping[str, str]]] = {
         for name in ("Simple", "Stopped", "Position", "Axis", "AdaptiveTolerance")
     },
     "progress checker": {
-        f"nav2_controller::{name}ProgressChecker": f"nav2_controller::{name}ProgressChecker" for name in ("Simple", "Pose")
+        f"nav2_controller::{name}ProgressChecker": f"nav2_controller::{name}ProgressChecker"
+        for name in ("Simple", "Pose")
     },
     "path handler": {"nav2_controller::FeasiblePathHandler": "nav2_controller::FeasiblePathHandler"},
     "layer": {
