@@ -663,11 +663,14 @@ def _scalar_message(name: str, node: ScalarNode, wanted: str) -> str:
         return f'{name} = "{value}" is a substitution of launch; give its value, for example with NAME:=VALUE'
     kind = type_of(value)
     if wanted in _LISTS:
-        return f"{name} = {_shown(node)} is {_NAMES[kind]}, but it is declared as a list of {_plural(wanted)}; write a list: [{node.text}]"
+        what = f"{name} = {_shown(node)} is {_NAMES[kind]}, but it is declared as a list of {_plural(wanted)}"
+        fits = kind == _LISTS[wanted] and "[" not in node.text
+        return f"{what}; write a list: [{node.text}]" if fits else f"{what}; write a list"
     if kind == wanted:
         return ""
     if kind == "int" and wanted == "double":
-        return f"{name} = {node.text} is an integer, but it is declared as a double; Nav2 stops with an error; write {node.text}.0"
+        what = f"{name} = {node.text} is an integer, but it is declared as a double"
+        return f"{what}; Nav2 stops with an error; write {float(value)}"
     fix = _write(wanted)
     if wanted == "int" and isinstance(value, float) and value.is_integer():
         fix = f"write {int(value)}"
@@ -827,28 +830,39 @@ def _dwb_limits(audit: NodeAudit, block: Block) -> Iterator[Finding]:
         param = node.params.get(p + name)
         return finding("warning", "nav2-dwb-limit", param.at if param else block.at, node.key(p + name), message)
 
+    def value(name: str) -> float:
+        return _number(node, p + name)
+
+    def is_missing(name: str) -> bool:
+        return p + name not in node.params
+
     for axis, velocity in (("x", "max_vel_x"), ("y", "max_vel_y"), ("theta", "max_vel_theta")):
-        if _number(node, p + velocity) == 0.0:
-            continue
         accel, decel = f"acc_lim_{axis}", f"decel_lim_{axis}"
-        if p + accel in node.params or _number(node, p + accel) != 0.0:
-            value = _number(node, p + accel)
-            if value != 0.0 and p + decel not in node.params:
-                message = f"{p}{decel} is missing; its default is 0.0, so DWB cannot slow down along {axis}; set {decel}: {-value:g}"
-                yield problem(decel, message)
-            elif _number(node, p + decel) > 0.0:
-                message = f"{p}{decel} = {_number(node, p + decel):g} is positive; DWB wants at most 0; write {-_number(node, p + decel):g}"
-                yield problem(decel, message)
-        if _number(node, p + accel) == 0.0:
-            message = f"{p}{accel} is {'0' if p + accel in node.params else 'missing (0.0)'}, so DWB cannot speed up along {axis} although {velocity} is {_number(node, p + velocity):g}; set {accel}"
+        if value(velocity) == 0.0:
+            continue
+        if value(accel) == 0.0:
+            what = "missing (default 0.0)" if is_missing(accel) else "0"
+            message = (
+                f"{p}{accel} is {what}, so DWB cannot speed up along {axis} to {velocity} = {value(velocity):g}; set it"
+            )
             yield problem(accel, message)
-    moving = [n for n in ("max_vel_x", "min_vel_x", "max_vel_y", "max_vel_theta") if _number(node, p + n) != 0.0]
-    if not moving:
-        message = f"max_vel_x, max_vel_y and max_vel_theta of {p[:-1]} are 0 or missing (default 0.0), so the robot does not move; set them"
+        elif is_missing(decel):
+            message = f"{p}{decel} is missing; its default is 0.0, so DWB cannot slow down along {axis}; write {-value(accel)}"
+            yield problem(decel, message)
+        elif value(decel) > 0.0:
+            message = f"{p}{decel} = {value(decel):g} is positive; decelerations are at most 0; write {-value(decel)}"
+            yield problem(decel, message)
+    if all(value(name) == 0.0 for name in ("max_vel_x", "min_vel_x", "max_vel_y", "max_vel_theta")):
+        message = (
+            f"max_vel_x, max_vel_y and max_vel_theta of {p[:-1]} are 0 or missing (default 0.0), so the robot does not move; "
+            "set them"
+        )
         yield problem("max_vel_x", message)
-    elif _number(node, p + "max_speed_xy") == 0.0 and _number(node, p + "max_vel_x") != 0.0:
-        written = p + "max_speed_xy" in node.params
-        message = f"{p}max_speed_xy is {'0' if written else 'missing (0.0)'}, so every sample that moves forward is rejected; set max_speed_xy: {_number(node, p + 'max_vel_x'):g}"
+    elif value("max_speed_xy") == 0.0 and value("max_vel_x") != 0.0:
+        what = "missing (default 0.0)" if is_missing("max_speed_xy") else "0"
+        message = (
+            f"{p}max_speed_xy is {what}, so every sample that moves forward is rejected; write {value('max_vel_x')}"
+        )
         yield problem("max_speed_xy", message)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,7 +23,7 @@ from navstack.parameters.nav2.declared import (
 )
 from navstack.parameters.nav2.document import COSTMAP_NODES, NAVIGATION, Nodes, Param, RosNode, read_nodes
 from navstack.parameters.spelling import nearest
-from navstack.parameters.tree import Space
+from navstack.parameters.tree import Space, Translation
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, Registry
 
@@ -40,42 +39,6 @@ _SPEEDS: Final = {"vx_max": ("max_vel_x", "max_linear_vel", "desired_linear_vel"
 """Speeds of the controller that stands in -> those of others that it takes over."""
 OPTIONS: Final = ("namespace", "controller", "planner")
 """Arguments (`controller:=ID`) that choose within a file."""
-
-
-@dataclass(slots=True)
-class Translation:
-    """What became of Nav2's files."""
-
-    distro: str = ""
-    keys: dict[Location, str] = field(default_factory=dict[Location, str])
-    """Location of a key or a value -> its name in Nav2: `controller_server/FollowPath.max_vel_x`."""
-    sections: dict[str, str] = field(default_factory=dict[str, str])
-    """Path of a section of the tree -> where its parameters stand in Nav2: MPPIController -> `controller_server/FollowPath.`"""
-    unused: list[tuple[Registry[Any], str, Space, str]] = field(
-        default_factory=list[tuple[Registry[Any], str, Space, str]]
-    )
-    """Controllers and planners that the default tree does not use: registry, type, section, id."""
-
-    @property
-    def ids(self) -> dict[str, str]:
-        """Id of a plugin -> path of its section, for those at the root."""
-        found = {own.rpartition("/")[2].rstrip("."): path for path, own in self.sections.items() if "/" not in path}
-        return {id_: path for id_, path in found.items() if id_ and id_ != path}
-
-    @property
-    def default_file(self) -> str:
-        """The location of values that Nav2 has without being told."""
-        return f"default of Nav2 {self.distro}"
-
-    def own_key(self, found: Finding) -> Finding:
-        """Return a finding about the tree with the user's own key."""
-        key = self.keys.get(found.location, "") if found.line else ""
-        message = found.message
-        for section, own in self.sections.items():
-            message = message.replace(f"{section}/", own)
-            if not key and found.key.startswith(f"{section}/"):
-                key = own + found.key[len(section) + 1 :].replace("/", ".")
-        return replace(found, key=key or found.key, message=message)
 
 
 def translate(
@@ -106,14 +69,17 @@ def translate(
         message = f"the keys are those of Nav2 {DISTROS[chosen]}{also}; name another distribution with --distro"
         findings.append(finding("info", "nav2-distro", Location(documents[0][0]), "", message))
     for name, at, value in overrides:
-        _override(nodes, name, at, value)
+        _override(nodes, name, at, value, chosen)
     audits = audits_of(nodes, chosen)
     _check_overrides(nodes, audits, overrides, findings)
     findings += check_nodes(nodes, audits.values())
     missing = [name for name in NAVIGATION if name not in nodes.nodes]
     if missing:
         have = ", ".join(nodes.nodes) or "none of Nav2"
-        message = f"the files have no {' and no '.join(missing)} (their nodes: {have}), so nothing can drive; name the file that has them, too"
+        message = (
+            f"the files have no {' and no '.join(missing)} (their nodes: {have}), so nothing can drive; name the file that "
+            "has them, too"
+        )
         findings.append(finding("error", "nav2-no-server", Location(documents[0][0]), "", message))
         return None
     made = Translation(DISTROS[chosen])
@@ -126,8 +92,8 @@ def _is_eloquent(nodes: Nodes, findings: list[Finding]) -> bool:
     for node in nodes.nodes.values():
         for name in sorted(ELOQUENT & node.params.keys()):
             message = (
-                f"{node.name} lists its plugins with {name}, as Nav2 up to Eloquent does, which is not supported; write `plugins` "
-                "with the names and `plugin: class` in the block of each, as from Foxy on"
+                f"{node.name} lists its plugins with {name}, as Nav2 up to Eloquent does, which is not supported; write "
+                "`plugins` with the names and `plugin: class` in the block of each, as from Foxy on"
             )
             findings.append(finding("error", "nav2-eloquent", node.params[name].at, node.key(name), message))
             return True
@@ -155,12 +121,12 @@ def _node_of(nodes: Nodes, name: str) -> tuple[RosNode, str] | None:
     return (holders[0], name) if len(holders) == 1 else None
 
 
-def _override(nodes: Nodes, name: str, at: Location, value: Node) -> None:
+def _override(nodes: Nodes, name: str, at: Location, value: Node, distro: int) -> None:
     target = _node_of(nodes, name)
     if target is None:
         return
     node, param = target
-    row = NodeAudit(node, LYRICAL).declared.get(param)
+    row = NodeAudit(node, distro).declared.get(param)
     if row is not None and row.type == "double" and isinstance(value, ScalarNode) and type_of(value.value) == "int":
         value = ScalarNode(float(value.value), at, text=f"{value.value}.0")  # on a command line, 1 means 1.0
     node.params[param] = Param(param, at, value)
@@ -555,7 +521,10 @@ class _Translator:
         node = self.nodes.nodes.get(name)
         if node is None:
             node = RosNode(name, self.nodes.nodes["planner_server"].at)
-            message = f"the files have no {name}, so it has the defaults of Nav2 {DISTROS[self.distro]}; add `{name}: {name}: ros__parameters:`"
+            message = (
+                f"the files have no {name}, so it has the defaults of Nav2 {DISTROS[self.distro]}; add "
+                f"`{name}: {name}: ros__parameters:`"
+            )
             self._add("warning", "nav2-no-costmap", node.at, name, message)
         audit = self.audits.get(name) or NodeAudit(node, self.distro)
         space = self._section(name, node, "")
@@ -586,7 +555,10 @@ class _Translator:
         at = listed.node.at if listed is not None else self._default
         entries: list[Node] = []
         for id_, kind, where in layers:
-            items = {"name": (where, self._scalar(id_, where)), "type": (where, self._scalar(kind, where))}
+            items: dict[str, tuple[Location, Node]] = {
+                "name": (where, self._scalar(id_, where)),
+                "type": (where, self._scalar(kind, where)),
+            }
             entries.append(DictNode(items, where))
         space.put("plugins", at, ListNode(entries, at))
 
