@@ -615,8 +615,11 @@ def load_configuration(
 ) -> Configuration:
     """Load a packaged set (`turtlebot`), folders, files (`file@namespace`) or mappings; later sources override earlier ones.
 
-    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro`. With `allow_missing`, layers, critics and
-    recovery behaviors of an unknown type are left out with a warning; unknown planners remain errors.
+    Files of Nav2 are recognized by `ros__parameters`; `controller:=ID`, `planner:=ID` and `namespace:=NAME` choose within them.
+
+    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro` and is the distribution of files of Nav2, which
+    is otherwise found from their keys. With `allow_missing`, layers, critics and recovery behaviors of an unknown type are left
+    out with a warning; unknown planners remain errors, but for those of files of Nav2 others stand in.
 
     Raise ParameterError if the parameters cannot be used: its message has a line per error, its `data["findings"]` all
     findings.

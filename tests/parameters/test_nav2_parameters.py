@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navstack.core import ParameterError
@@ -561,6 +561,7 @@ def test_limits_and_tolerances_of_dwb(tmp_path: Path) -> None:
 # --- properties -------------------------------------------------------------------------------------------------------
 
 
+@settings(max_examples=20)
 @given(st.lists(st.booleans(), min_size=8, max_size=8))
 def test_dotted_and_nested_keys_are_equal(dotted: list[bool]) -> None:
     document = yaml.safe_load(TEXT)
@@ -583,6 +584,7 @@ def test_dotted_and_nested_keys_are_equal(dotted: list[bool]) -> None:
 NAMES = st.text(st.sampled_from("abcxyz_"), min_size=1, max_size=12)
 
 
+@settings(max_examples=40)
 @given(
     st.sampled_from(
         ["controller_server", "planner_server", "behavior_server", "velocity_smoother", "collision_monitor"]
