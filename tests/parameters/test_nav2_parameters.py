@@ -18,6 +18,7 @@ from navstack.parameters import (
     check_parameters,
     load_configuration,
     parameters_of,
+    read_sources,
     same_parameters,
 )
 from navstack.parameters.nav2.declared import (
@@ -331,8 +332,8 @@ WRONG = [
         "rolling_window: true",
         'rolling_window: "true"',
         (
-            '37:23: error: rolling_window = "true" is text, but it is declared as a boolean; Nav2 stops with an error; remove the '
-            "quotes"
+            '37:23: error: rolling_window = "true" is text, but it is declared as a boolean; Nav2 stops with an error; remove '
+            "the quotes"
         ),
     ),
     (
@@ -395,8 +396,8 @@ WRONG = [
         'plugins: ["obstacle_layer", "inflation_layer"]',
         'plugins: ["inflation_layer"]',
         (
-            "44:9: warning: obstacle_layer is not in plugins (inflation_layer), so its 6 parameters are ignored silently; list it "
-            "there, or remove the block"
+            "44:9: warning: obstacle_layer is not in plugins (inflation_layer), so its 6 parameters are ignored silently; list "
+            "it there, or remove the block"
         ),
     ),
     (
@@ -411,16 +412,16 @@ WRONG = [
         '    GridBased:\n      plugin: "nav2_navfn_planner::NavfnPlanner"\n      tolerance',
         '    Grid:\n      plugin: "nav2_navfn_planner::NavfnPlanner"\n      tolerance',
         (
-            "31:7: warning: Grid is not in planner_plugins (GridBased), so its 2 parameters are ignored silently; list it there, or "
-            "remove the block"
+            "31:7: warning: Grid is not in planner_plugins (GridBased), so its 2 parameters are ignored silently; list it there, "
+            "or remove the block"
         ),
     ),
     (
         "          max_obstacle_height: 2.0\n",
         "",
         (
-            "47:11: warning: obstacle_layer.scan has no max_obstacle_height; its default is 0.0, so all points above the ground are "
-            "dropped and the source sees nothing; set max_obstacle_height: 2.0"
+            "47:11: warning: obstacle_layer.scan has no max_obstacle_height; its default is 0.0, so all points above the ground "
+            "are dropped and the source sees nothing; set max_obstacle_height: 2.0"
         ),
     ),
     (
@@ -456,8 +457,8 @@ WRONG = [
         "local_costmap:\n  local_costmap:\n    ros__parameters:\n",
         "local_costmap:\n    ros__parameters:\n",
         (
-            "34:5: warning: the node local_costmap runs in the namespace local_costmap, so ROS 2 ignores these 9 parameters; write "
-            "`local_costmap: local_costmap: ros__parameters:`"
+            "34:5: warning: the node local_costmap runs in the namespace local_costmap, so ROS 2 ignores these 9 parameters; "
+            "write `local_costmap: local_costmap: ros__parameters:`"
         ),
     ),
     (
@@ -474,8 +475,8 @@ WRONG = [
         "lookahead_dist: 0.5",
         "lookahead_dist: $(var distance)",
         (
-            '21:23: error: FollowPath.lookahead_dist = "$(var distance)" is a substitution of launch; give its value, for example '
-            "with NAME:=VALUE"
+            '21:23: error: FollowPath.lookahead_dist = "$(var distance)" is a substitution of launch; give its value, for '
+            "example with NAME:=VALUE"
         ),
     ),
 ]
@@ -555,6 +556,31 @@ def test_limits_and_tolerances_of_dwb(tmp_path: Path) -> None:
     assert found["nav2-tolerances"].message == (
         "FollowPath.xy_goal_tolerance is 0.25 (default), above xy_goal_tolerance = 0.2 of goal_checker: RotateToGoal stops the "
         "robot before the goal checker accepts the position; set both to 0.2"
+    )
+
+
+def test_the_tree_of_dwb(tmp_path: Path) -> None:
+    """The block passes through with Nav2's names and defaults, whether the controller is registered or not."""
+    rpp = TEXT[TEXT.index('\n      plugin: "nav2_regulated') : TEXT.index("    Careful:")]
+    tree = read_sources([written(tmp_path, TEXT.replace(rpp, DWB))]).root
+    section = tree.space("DWBLocalPlanner")
+    assert section is not None
+    values = section.as_dict()
+    assert (values["max_vel_x"], values["decel_lim_x"], values["vx_samples"], values["sim_time"]) == (0.3, 0.0, 20, 1.7)
+    assert values["critics"] == ["RotateToGoal", "PathAlign", "BaseObstacle"]
+    assert values["PathAlign"] == {"scale": 32.0, "forward_point_distance": 0.325, "aggregation_type": "last"}
+    assert values["BaseObstacle"] == {"scale": 1.0, "sum_scores": False}
+    assert "xy_goal_tolerance" not in values["RotateToGoal"]
+
+
+def test_another_tree_than_the_default_one_is_reported(tmp_path: Path) -> None:
+    default = "$(find-pkg-share nav2_bt_navigator)/behavior_trees/navigate_to_pose_w_replanning_and_recovery.xml"
+    text = TEXT + "bt_navigator: {ros__parameters: {default_nav_to_pose_bt_xml: PLACE}}\n"
+    assert problems(text.replace("PLACE", f'"{default}"'), tmp_path) == []
+    (found,) = problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path)
+    assert found.message == (
+        "the tree my_tree.xml is not run: navstack replans and recovers as the default tree of Nav2 does (1 Hz; clear the "
+        "costmaps, spin, wait, back up)"
     )
 
 

@@ -10,7 +10,6 @@ from navstack.parameters.binding import show
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.nav2.declared import (
     CLASSES,
-    DISTROS,
     ELOQUENT,
     EVERY_NODE,
     FOXY,
@@ -20,6 +19,7 @@ from navstack.parameters.nav2.declared import (
     JAZZY,
     KILTED,
     LYRICAL,
+    NAV2_DISTROS,
     RENAMED,
     Declared,
     canonical,
@@ -281,7 +281,7 @@ class NodeAudit:
 
     def _check_class(self, kind: str, cls: str, given: str, at: Location, name: str) -> None:
         """Report a class that the distribution exports under another name, or has not yet."""
-        distro = DISTROS[self.distro]
+        distro = NAV2_DISTROS[self.distro]
         exported = exported_name(kind, cls, self.distro)
         if cls in CLASSES.get(kind, {}) and given.strip() != exported and cls != "smac_planner::SmacPlanner":
             message = (
@@ -388,10 +388,12 @@ class NodeAudit:
 
     def _absent(self) -> Finding:
         """The finding about a node that the distribution does not have."""
-        name, distro = self.node.name, DISTROS[self.distro]
+        name, distro = self.node.name, NAV2_DISTROS[self.distro]
         first, last = _NODES[name]
         other = {"recoveries_server": "behavior_server", "behavior_server": "recoveries_server"}.get(name, "")
-        since = f"up to {DISTROS[last].title()}" if last < self.distro else f"from {DISTROS[first].title()} on"
+        since = (
+            f"up to {NAV2_DISTROS[last].title()}" if last < self.distro else f"from {NAV2_DISTROS[first].title()} on"
+        )
         message = f"the node {name} exists {since}, so Nav2 {distro} ignores its parameters; "
         message += (
             f"{distro} has {other}" if other else "remove them, or name the distribution of the file with --distro"
@@ -434,7 +436,7 @@ class NodeAudit:
     def _undeclared(self, param: Param, nodes: Nodes, reported: set[str]) -> Finding | None:
         """The finding about a parameter that no code declares; None if it is part of one already made."""
         name, node = param.name, self.node
-        distro = DISTROS[self.distro]
+        distro = NAV2_DISTROS[self.distro]
         ignored = f"so Nav2 {distro} ignores it silently"
 
         def made(rule: str, message: str, suggestion: str | None = None) -> Finding:
@@ -466,7 +468,7 @@ class NodeAudit:
         if place is not None:
             message = f"{name} = {_shown(param.node)} is not declared at this level, {ignored}; move it to {place}"
             return made("nav2-wrong-level", message, place)
-        close = nearest(name[len(prefix) :], within, cutoff=0.75)
+        close = nearest(name[len(prefix) :], [n for n in within if _bounds(n) == _bounds(name)], cutoff=0.75)
         if close is not None:
             message = f"{name} = {_shown(param.node)} is not declared, {ignored}; did you mean {close}?"
             return made("nav2-undeclared", message, close)
@@ -476,17 +478,19 @@ class NodeAudit:
 
     def _of_other_distro(self, name: str, rows: Sequence[Declared]) -> tuple[str, str, str | None]:
         """Rule, message and suggestion about a parameter that other distributions declare."""
-        distro = DISTROS[self.distro]
+        distro = NAV2_DISTROS[self.distro]
         last = max(row.last for row in rows)
         if last < self.distro:
             scope = next((s for s, new in RENAMED.items() if rows[0].name in new and self._stands_in(name, s)), None)
             new = RENAMED[scope][rows[0].name] if scope is not None else None
-            message = f"{name} is declared up to {DISTROS[last].title()} only, so Nav2 {distro} ignores it silently; "
+            message = (
+                f"{name} is declared up to {NAV2_DISTROS[last].title()} only, so Nav2 {distro} ignores it silently; "
+            )
             message += f"{distro} has {new} instead" if new else "remove it"
             return ("nav2-renamed" if new else "nav2-removed", message, new)
         first = min(row.first for row in rows)
         message = (
-            f"{name} is declared from {DISTROS[first].title()} on, so Nav2 {distro} ignores it silently; remove it, or name "
+            f"{name} is declared from {NAV2_DISTROS[first].title()} on, so Nav2 {distro} ignores it silently; remove it, or name "
             "the distribution of the file with --distro"
         )
         return "nav2-newer", message, None
@@ -533,10 +537,13 @@ class NodeAudit:
         at = at or [n for n in self.declared if n.rpartition(".")[2] == last and n != prefix + last]
         if at:
             return min(at, key=lambda n: n.count("."))
-        for other in nodes.nodes.values():
-            if other is not self.node and last in declared(other.scope, self.distro):
-                return f"{other.name}/{last}"
-        return None
+        others = [n for n in nodes.nodes.values() if n is not self.node and last in declared(n.scope, self.distro)]
+        return f"{others[0].name}/{last}" if len(others) == 1 else None  # every node has a frame or an odom_topic
+
+
+def _bounds(name: str) -> set[str]:
+    """Which bound a name says: min_vel_theta is not a misspelt max_vel_theta."""
+    return {"min", "max"} & set(name.replace(".", "_").split("_"))
 
 
 def _layer_sources(audit: NodeAudit, prefix: str, at: Location) -> None:
@@ -763,7 +770,7 @@ class Guess:
 
 def find_distro(nodes: Nodes) -> Guess:
     """Return the distribution whose declarations the files contradict least; of several, the oldest."""
-    costs = [_cost(nodes, distro) for distro in range(len(DISTROS))]
+    costs = [_cost(nodes, distro) for distro in range(len(NAV2_DISTROS))]
     best = [i for i, cost in enumerate(costs) if cost == min(costs)]
     return Guess(best[0], best[1:])
 

@@ -12,12 +12,12 @@ from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.nav2.audit import Block, NodeAudit, audits_of, check_nodes, exists, find_distro, type_of
 from navstack.parameters.nav2.declared import (
     CLASSES,
-    DISTROS,
     ELOQUENT,
     EVERY_NODE,
     GALACTIC,
     HUMBLE,
     LYRICAL,
+    NAV2_DISTROS,
     Declared,
     declared,
 )
@@ -37,8 +37,6 @@ SUBSTITUTE: Final = "nav2_mppi_controller::MPPIController"
 _STAND_IN_PLANNER: Final = "navfn/NavfnROS"
 _SPEEDS: Final = {"vx_max": ("max_vel_x", "max_linear_vel", "desired_linear_vel"), "wz_max": ("max_vel_theta",)}
 """Speeds of the controller that stands in -> those of others that it takes over."""
-OPTIONS: Final = ("namespace", "controller", "planner")
-"""Arguments (`controller:=ID`) that choose within a file."""
 
 
 def translate(
@@ -59,14 +57,14 @@ def translate(
     nodes = read_nodes(documents, arguments, findings)
     if nodes is None:
         return None
-    chosen = DISTROS.index(distro) if distro is not None else -1
+    chosen = NAV2_DISTROS.index(distro) if distro is not None else -1
     if _is_eloquent(nodes, findings):
         return None
     if distro is None:
         guess = find_distro(nodes)
         chosen = guess.distro
-        also = f" (or {', '.join(DISTROS[i] for i in guess.also)})" if guess.also else ""
-        message = f"the keys are those of Nav2 {DISTROS[chosen]}{also}; name another distribution with --distro"
+        also = f" (or {', '.join(NAV2_DISTROS[i] for i in guess.also)})" if guess.also else ""
+        message = f"the keys are those of Nav2 {NAV2_DISTROS[chosen]}{also}; name another distribution with --distro"
         findings.append(finding("info", "nav2-distro", Location(documents[0][0]), "", message))
     for name, at, value in overrides:
         _override(nodes, name, at, value, chosen)
@@ -82,7 +80,7 @@ def translate(
         )
         findings.append(finding("error", "nav2-no-server", Location(documents[0][0]), "", message))
         return None
-    made = Translation(DISTROS[chosen])
+    made = Translation(NAV2_DISTROS[chosen])
     _Translator(root, nodes, audits, chosen, made, findings, arguments, substitute).run()
     return made
 
@@ -154,7 +152,7 @@ def _check_overrides(
         hint = (
             f"did you mean {prefix}{close}?" if close else "`navstack params show` lists the parameters that there are"
         )
-        message = f"{name} sets nothing: {node.name} declares no {param} in Nav2 {DISTROS[audit.distro]}; {hint}"
+        message = f"{name} sets nothing: {node.name} declares no {param} in Nav2 {NAV2_DISTROS[audit.distro]}; {hint}"
         findings.append(finding("error", "override", at, node.key(param), message, close))
 
 
@@ -197,6 +195,7 @@ class _Translator:
             if name in self.nodes.nodes and exists(name, self.distro):
                 self._node_section(name)
         self._report_without()
+        self._report_not_run()
         for leaf in self.root.leaves():
             leaf.used = True
 
@@ -271,6 +270,23 @@ class _Translator:
             message = f"navstack has nothing that these parameters of {name} would set: {listed}"
             self._add("info", "nav2-no-counterpart", node.params[shown[0]].at, name, message)
 
+    def _report_not_run(self) -> None:
+        """Note the nodes whose parameters are only checked, and trees other than the default one."""
+        idle = [n for n, audit in self.audits.items() if not audit.runs and exists(n, self.distro)]
+        if idle:
+            message = f"navstack does not run {', '.join(idle)}: their parameters are checked, but they set nothing"
+            self._add("info", "nav2-not-run", self.nodes.nodes[idle[0]].at, idle[0], message)
+        navigator = self.nodes.nodes.get("bt_navigator")
+        for key in ("default_nav_to_pose_bt_xml", "default_bt_xml_filename"):
+            tree = navigator.text(key) if navigator is not None else None
+            if navigator is None or not tree or Path(tree).name in _DEFAULT_TREES:
+                continue
+            message = (
+                f"the tree {Path(tree).name} is not run: navstack replans and recovers as the default tree of Nav2 does "
+                "(1 Hz; clear the costmaps, spin, wait, back up)"
+            )
+            self._add("warning", "nav2-tree", navigator.params[key].at, navigator.key(key), message)
+
     # --- controllers --------------------------------------------------------------------------------------------------
 
     def _controller_server(self) -> None:
@@ -293,15 +309,14 @@ class _Translator:
         for other in audit.of_kind("controller"):
             if other is not block:
                 self._other(node, audit, other, LOCAL_PLANNERS, "controller")
-        if kind is None:
-            return
-        name = kind.rpartition("::")[2]
-        self._put(self.root, "base_local_planner", kind, block.at)
-        self.made.keys[block.at] = node.key(f"{block.prefix}plugin")
-        space = self._section(name, node, block.prefix)
-        if block.scope in CLASSES["controller"] and CLASSES["controller"][block.scope] == kind:
+        own = CLASSES["controller"].get(block.scope, "")
+        space = self._section((kind or own or block.id).rpartition("::")[2], node, block.prefix)
+        if kind is not None:
+            self._put(self.root, "base_local_planner", kind, block.at)
+            self.made.keys[block.at] = node.key(f"{block.prefix}plugin")
+        if own and kind in (own, None):
             self._controller(node, audit, block, space)
-        else:
+        elif kind is not None:
             self._stand_in(node, block, space)
 
     def _checkers(self, node: RosNode, audit: NodeAudit) -> None:
@@ -522,7 +537,7 @@ class _Translator:
         if node is None:
             node = RosNode(name, self.nodes.nodes["planner_server"].at)
             message = (
-                f"the files have no {name}, so it has the defaults of Nav2 {DISTROS[self.distro]}; add "
+                f"the files have no {name}, so it has the defaults of Nav2 {NAV2_DISTROS[self.distro]}; add "
                 f"`{name}: {name}: ros__parameters:`"
             )
             self._add("warning", "nav2-no-costmap", node.at, name, message)
@@ -740,6 +755,7 @@ class _Translator:
 
 _OMNI: Final = ("Omni", "omni")
 _SIDEWAYS: Final = ("vy_std", "ay_max", "ay_min")
+_DEFAULT_TREES: Final = ("navigate_to_pose_w_replanning_and_recovery.xml", "navigate_w_replanning_and_recovery.xml")
 _LISTED: Final = 12
 """Keys that a message lists."""
 
