@@ -305,7 +305,8 @@ class Loader:
         for f in self.findings:
             own = f.rule.startswith("nav2-")
             of_default = f.file == self.translation.default_file and f.severity != "error"
-            if own or not (of_default or f.location in wrong):
+            of_filter = f.rule == "inflation-not-last" and f.message.partition(" ")[0] in self.translation.filters
+            if own or not (of_default or of_filter or f.location in wrong):
                 kept.append(f if own else self.translation.own_key(f))
         return kept
 

@@ -192,6 +192,8 @@ class Translation:
     """Path of a section of the tree -> where its parameters stand in Nav2: MPPIController -> `controller_server/FollowPath.`"""
     unused: list[tuple[Registry[Any], str, Space, str]] = field(default_factory=list)
     """Controllers and planners that the default tree does not use: registry, type, section, id."""
+    filters: set[str] = field(default_factory=set[str])
+    """Ids of costmap filters, which Nav2 applies after all layers: nothing of them is to be inflated."""
 
     @property
     def ids(self) -> dict[str, str]:

@@ -906,12 +906,13 @@ def check_nodes(nodes: Nodes, audits: Iterable[NodeAudit]) -> Iterator[Finding]:
         yield from audit.findings(nodes)
         yield from value_problems(audit)
     for name, at, count in nodes.others:
+        what = f"its {count} parameters are" if count != 1 else "its parameter is"
         close = nearest(name.rpartition("/")[2], [n for n in _SERVER_NAMES if n not in nodes.nodes], cutoff=0.85)
         if close is not None:
-            message = f"{name} is not a node of Nav2, so its {count} parameters are not read; did you mean {close}?"
+            message = f"{name} is not a node of Nav2, so {what} not read; did you mean {close}?"
             yield finding("warning", "nav2-node", at, name, message, close)
         else:
-            message = f"{name} is not a node that navstack has, so its {count} parameters are not read"
+            message = f"{name} is not a node that navstack has, so {what} not read"
             yield finding("info", "nav2-node", at, name, message)
 
 

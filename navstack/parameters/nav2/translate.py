@@ -279,10 +279,10 @@ class _Translator:
         navigator = self.nodes.nodes.get("bt_navigator")
         for key in ("default_nav_to_pose_bt_xml", "default_bt_xml_filename"):
             tree = navigator.text(key) if navigator is not None else None
-            if navigator is None or not tree or Path(tree).name in _DEFAULT_TREES:
+            if navigator is None or not (tree or "").endswith(".xml") or Path(tree or "").name in _DEFAULT_TREES:
                 continue
             message = (
-                f"the tree {Path(tree).name} is not run: navstack replans and recovers as the default tree of Nav2 does "
+                f"the tree {Path(tree or '').name} is not run: navstack replans and recovers as the default tree of Nav2 does "
                 "(1 Hz; clear the costmaps, spin, wait, back up)"
             )
             self._add("warning", "nav2-tree", navigator.params[key].at, navigator.key(key), message)
@@ -627,6 +627,7 @@ class _Translator:
             if enabled is not None:
                 self._take(node, enabled, below, "enabled")
             self._mask(node, block, below)
+            self.made.filters.add(block.id)
             yield block.id, kind, block.at
 
     def _mask(self, node: RosNode, block: Block, below: Space) -> None:
