@@ -17,6 +17,7 @@ from navstack.parameters.configuration_types import Configuration, CostmapConfig
 from navstack.parameters.findings import Finding, Location, finding, in_order
 from navstack.parameters.foreign import FOREIGN_LOCAL_PLANNERS
 from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams, builtin_recoveries
+from navstack.parameters.nav2.declared import NAV2_DISTROS
 from navstack.parameters.nodes import load_localization, load_safety
 from navstack.parameters.plugin_lists import (
     ListedPlugin,
@@ -32,6 +33,7 @@ from navstack.parameters.plugin_lists import (
 from navstack.parameters.rules import check_rules
 from navstack.parameters.simulated_robot import simulated
 from navstack.parameters.sources import Override, Source, read_sources, to_node
+from navstack.parameters.spelling import nearest
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
 from navstack.parameters.unused import meant_sections, unused_parameters, with_consequences
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
@@ -157,6 +159,7 @@ def _plugin_list(layers: list[tuple[str, str]], at: Location) -> ListNode:
 # The robot's footprint from parameters, in the order of costmap_2d/src/footprint.cpp (makeFootprintFromParams).
 
 
+ROS1_DISTROS = ("noetic", "indigo")
 DEFAULT_RADIUS = 0.46
 _NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
 _POINT = re.compile(rf"\[{_NUMBER},{_NUMBER}\]")
@@ -252,7 +255,12 @@ class Loader:
     def __init__(
         self, sources: Sequence[Source], overrides: Sequence[str | Override], distro: str | None, allow_missing: bool
     ) -> None:
-        read = read_sources([sources] if isinstance(sources, str) else sources, overrides)
+        read = read_sources(
+            [sources] if isinstance(sources, str) else sources,
+            overrides,
+            distro=distro if distro in NAV2_DISTROS else None,
+            substitute=allow_missing,
+        )
         self.root = read.root
         self.findings = read.findings
         self.files = read.files
@@ -266,21 +274,62 @@ class Loader:
         """Namespaces of planners that are not selected."""
         self.default_planners: dict[str, Finding] = {}
         """Namespace of a planner that is used because none is selected -> the warning about that."""
-        self.distro = distro
+        self.translation = read.translation
+        self.distro = self._ros1_distro(distro)
         self.binder = Binder(self.findings)
         self.plugins = PluginLists(self.binder, self.findings, allow_missing=allow_missing)
+
+    def _ros1_distro(self, distro: str | None) -> str | None:
+        """The distribution of ROS 1, None for files of Nav2; one that nobody knows is reported."""
+        if self.translation is None:
+            return distro
+        if distro is not None and distro not in (*NAV2_DISTROS, *ROS1_DISTROS):
+            close = nearest(distro, NAV2_DISTROS)
+            hint = f"did you mean {close}? " if close else ""
+            message = f"--distro {distro} is not a distribution of Nav2; {hint}known: {', '.join(NAV2_DISTROS)}"
+            self.findings.append(finding("error", "nav2-distro", Location("--distro"), "", message, close))
+        return None
 
     def load(self) -> tuple[Configuration | None, list[Finding]]:
         """Return the configuration, None if it cannot be used, and all findings in order."""
         configuration = self._load()
-        findings = in_order(self.findings)
+        findings = in_order(self._of_nav2() if self.translation is not None else self.findings)
         if configuration is None:
             return None, findings
         return replace(configuration, findings=tuple(findings)), findings
 
+    def _of_nav2(self) -> list[Finding]:
+        """The findings with the keys of the user's Nav2 files; without those about defaults, and those that were made before."""
+        assert self.translation is not None
+        wrong = {f.location for f in self.findings if f.rule.startswith("nav2-") and f.severity == "error" and f.line}
+        kept: list[Finding] = []
+        for f in self.findings:
+            own = f.rule.startswith("nav2-")
+            of_default = f.file == self.translation.default_file and f.severity != "error"
+            of_filter = f.rule == "inflation-not-last" and f.message.partition(" ")[0] in self.translation.filters
+            if own or not (of_default or of_filter or f.location in wrong):
+                kept.append(f if own else self.translation.own_key(f))
+        return kept
+
+    def _check_unused_of_nav2(self) -> None:
+        """Check the values of the controllers and planners of a Nav2 file that are not in use."""
+        for registry, kind, space, name in self.translation.unused if self.translation is not None else ():
+            found: list[Finding] = []
+            entry = registry.get(kind)
+            fixed: dict[str, Any] | None = None
+            if "critics" in entry.cls.Params.model_fields and space.leaf("critics") is not None:
+                listed = PluginLists(Binder([]), [], allow_missing=True).read(space, "critics", CRITICS)
+                fixed = fixed_list(space, "critics", listed)
+            Binder(found, self.binder.navstack).bind(entry.cls.Params, space, fixed=fixed, strictness="warning")
+            self.findings += [replace(f, message=f"{name}: {f.message}") for f in found if f.severity != "info"]
+
     def _load(self) -> Configuration | None:
         if not self.root.children and not self.complete:
             return None  # nothing was loaded: further findings would be consequences
+        if self.translation is not None:
+            self._check_unused_of_nav2()
+            if any(self.root.leaf(key) is None for key in ("base_local_planner", "base_global_planner")):
+                return None  # reported by the translation
         navstack = self._navstack()
         self.binder.navstack = {"ros_distro": navstack.ros_distro if navstack else "noetic"}
         for name in COSTMAPS:
@@ -573,8 +622,11 @@ def load_configuration(
 ) -> Configuration:
     """Load a packaged set (`turtlebot`), folders, files (`file@namespace`) or mappings; later sources override earlier ones.
 
-    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro`. With `allow_missing`, layers, critics and
-    recovery behaviors of an unknown type are left out with a warning; unknown planners remain errors.
+    Files of Nav2 are recognized by `ros__parameters`; `controller:=ID`, `planner:=ID` and `namespace:=NAME` choose within them.
+
+    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro` and is the distribution of files of Nav2, which
+    is otherwise found from their keys. With `allow_missing`, layers, critics and recovery behaviors of an unknown type are left
+    out with a warning; unknown planners remain errors, but for those of files of Nav2 others stand in.
 
     Raise ParameterError if the parameters cannot be used: its message has a line per error, its `data["findings"]` all
     findings.

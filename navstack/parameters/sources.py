@@ -15,14 +15,16 @@ from navstack.core import data_folder, exists, is_file, resolved
 from navstack.parameters.findings import Location, finding
 from navstack.parameters.foreign import FOREIGN_PLANNERS
 from navstack.parameters.launch import LaunchReader, launch_argument
-from navstack.parameters.nodes import SAFETY_SECTIONS
-from navstack.parameters.tree import COSTMAPS, Sources, Space, descend, overlay, parts_of, put
+from navstack.parameters.nav2.document import is_nav2, navigates
+from navstack.parameters.nodes import NODE_SECTIONS, SAFETY_SECTIONS
+from navstack.parameters.tree import COSTMAPS, Leaf, Sources, Space, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import (
     MAX_BYTES,
     DictNode,
     ListNode,
     Node,
     ScalarNode,
+    first_alias,
     parse_value,
     read_yaml,
     relocate,
@@ -63,6 +65,8 @@ _CHOOSE = "name the files one by one instead of the folder, with only one of the
 
 _NEEDED = ("base_local_planner", "base_global_planner", "footprint", "robot_radius", "recovery_behaviors")
 """Parameters that a folder must not lose."""
+_OF_MOVE_BASE = (*COSTMAPS, "base_local_planner", "base_global_planner")
+"""Names of which a tree of move_base's parameters has at least one."""
 _MOVE_BASE = re.compile(rb"""<node\b[^>]*\btype\s*=\s*["']move_base["']""")
 
 _Files = list[tuple[Path, str]]
@@ -118,6 +122,8 @@ def load_root(out: Sources, root: DictNode) -> None:
 
 
 def _load_as(out: Sources, root: DictNode, role: str | None, shown: str, namespace: str) -> None:
+    if not namespace and _is_of_nav2(out, root, shown):
+        return
     if namespace:
         _load_into(out, root, parts_of(namespace))
     elif role == _COMMON and not _names_costmaps(root):
@@ -129,6 +135,16 @@ def _load_as(out: Sources, root: DictNode, role: str | None, shown: str, namespa
         _load_into(out, root, [role])
     else:
         load_root(out, root)
+
+
+def _is_of_nav2(out: Sources, root: DictNode, shown: str) -> bool:
+    """Keep a file of Nav2 for later; False if it may as well be a section of move_base's files (`collision_monitor`)."""
+    if not is_nav2(root):
+        return False
+    if navigates(root) and not any(navigates(other) for _, other in out.nav2):
+        out.beside_move_base = any(name in out.root.children for name in _OF_MOVE_BASE)
+    out.nav2.append((shown, root))
+    return navigates(root)
 
 
 def _names_costmaps(root: DictNode) -> bool:
@@ -285,8 +301,18 @@ def packaged_folder(name: str) -> Path:
     return data_folder("params") / name
 
 
-def read_sources(sources: Iterable[Source], overrides: Sequence[str | Override] = ()) -> Sources:
-    """Read everything into one tree; later sources override earlier ones, overrides come last. Never raises for content."""
+def read_sources(
+    sources: Iterable[Source],
+    overrides: Sequence[str | Override] = (),
+    *,
+    distro: str | None = None,
+    substitute: bool = False,
+) -> Sources:
+    """Read everything into one tree; later sources override earlier ones, overrides come last. Never raises for content.
+
+    Files of Nav2 are translated; `distro` is their distribution (found from their keys if None), and with `substitute` others
+    stand in for plugins that navstack does not have.
+    """
     out = Sources()
     named: list[Source] = []
     for source in sources:
@@ -304,16 +330,76 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str | Override] 
         if isinstance(source, Mapping):
             node = to_node(source, Location("(a Python mapping)"))
             assert isinstance(node, DictNode)
-            load_root(out, node)
+            if not _is_of_nav2(out, node, node.at.file):
+                load_root(out, node)
         elif isinstance(source, DictNode):
-            load_root(out, source)
+            if not _is_of_nav2(out, source, source.at.file):
+                load_root(out, source)
         else:
             _read_named(out, str(source))
-    for number, given in enumerate(overrides):
-        text, option = (given, _name_of(number, given)) if isinstance(given, str) else given
+    given: list[_Given] = []
+    for number, override in enumerate(overrides):
+        text, option = (override, _name_of(number, override)) if isinstance(override, str) else override
         out.overrides.append(option)
-        _override(out, text, Location(option))
+        parsed = _parse_override(out, text, Location(option))
+        if parsed is not None:
+            given.append(parsed)
+    if out.nav2:
+        given = _read_nav2(out, given, distro, substitute)
+    for names, at, node in given:
+        _override(out, names, at, node)
     return out
+
+
+_Given = tuple[list[str], Location, Node]
+"""An override: parts of its name, location, value."""
+
+
+def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute: bool) -> list[_Given]:
+    """Translate the files of Nav2 into the tree; return the overrides that were not of them."""
+    if not any(navigates(root) for _, root in out.nav2) and not set(out.root.children) <= set(NODE_SECTIONS):
+        return given  # sections of safety or localization for move_base, as ROS 2 writes them
+    if out.beside_move_base:
+        for _, root in out.nav2:  # nodes of Nav2 beside the parameters of move_base
+            if navigates(root):
+                overlay(out.root, root, out.findings)
+        return given
+    from navstack.parameters.nav2.translate import override_target, translate  # only for files of Nav2
+
+    for name in NODE_SECTIONS:  # loaded as sections of move_base, before a file of Nav2 was seen
+        if any(name in root.items for _, root in out.nav2):
+            out.root.children.pop(name, None)
+    for shown, root in out.nav2:
+        if is_file(Path(shown)):
+            _check_aliases(out, Path(shown), shown)
+        for key in ("navstack", "twist_mux"):
+            if key in root.items:
+                put(out.root, key, *root.items[key], out.findings)
+    own = [g for g in given if override_target(out.nav2, ".".join(g[0]), out.arguments)]
+    later, out.root = out.root, Space("", Location(""))
+    out.translation = translate(
+        out.nav2,
+        out.root,
+        out.findings,
+        arguments=out.arguments,
+        distro=distro,
+        overrides=[(".".join(names), at, node) for names, at, node in own],
+        substitute=substitute,
+    )
+    # what other sources set comes on top, also by the ids of Nav2: FollowPath={"vx_max": 0.3}
+    ids = out.translation.ids if out.translation is not None else {}
+    for name, child in later.children.items():
+        node = child.node if isinstance(child, Leaf) else child.as_node()
+        put(out.root, ids.get(name, name), child.at, node, out.findings)
+    return [g for g in given if g not in own]
+
+
+def _check_aliases(out: Sources, path: Path, shown: str) -> None:
+    """Report aliases of YAML, which ROS 2's parser rejects."""
+    at = first_alias(path)
+    if at is not None:
+        message = "the parameter files of ROS 2 cannot have anchors and aliases (`&name`, `*name`); write the value out"
+        out.add_finding("error", "nav2-alias", Location(shown, *at), message)
 
 
 def _name_of(number: int, given: str) -> str:
@@ -356,6 +442,8 @@ def _read_named(out: Sources, text: str) -> None:
         load_folder(out, packaged_folder(path_text), path_text, namespace)
     elif exists(path) and path.is_dir():
         shown = path_text.rstrip("/") or "/"
+        if not namespace and _read_nav2_folder(out, path, shown):
+            return
         if not _read_through_launch(out, path, shown, namespace):
             load_folder(out, path, shown, namespace)
     elif exists(path) and path.suffix in (".launch", ".xml"):
@@ -371,6 +459,24 @@ def _read_named(out: Sources, text: str) -> None:
         hint = f'did you mean "{close[0]}"?' if close else f"name a folder, a YAML file or {_sets()}"
         message = f'"{path_text}" is not a file, folder or packaged set; {hint}'
         out.add_finding("error", "no-source", Location(path_text), message, close[0] if close else None)
+
+
+def _read_nav2_folder(out: Sources, folder: Path, shown: str) -> bool:
+    """Load the only file of Nav2 in a folder without files of move_base; False if there is none."""
+    try:
+        files = _yaml_files(folder)
+    except OSError:
+        return False
+    if any(role_of(path.name) in (_COMMON, _LOCAL, _GLOBAL, "move_base") for path in files):
+        return False
+    found = [path for path in files if navigates(read_yaml(path).root)]
+    if len(found) == 1:
+        load_file(out, found[0], f"{shown}/{found[0].name}", "")
+    elif found:
+        names = ", ".join(f"{shown}/{path.name}" for path in found)
+        message = f"the folder has {len(found)} parameter files of Nav2; name the one that is meant: {names}"
+        out.add_finding("error", "ambiguous", Location(shown), message)
+    return bool(found)
 
 
 def _read_through_launch(out: Sources, folder: Path, shown: str, namespace: str) -> bool:
@@ -404,24 +510,28 @@ def _read_through_launch(out: Sources, folder: Path, shown: str, namespace: str)
     return True
 
 
-def _override(out: Sources, text: str, at: Location) -> None:
-    """Apply `DWAPlannerROS/max_vel_x=0.4`; dots separate names as well."""
+def _parse_override(out: Sources, text: str, at: Location) -> _Given | None:
+    """Read `DWAPlannerROS/max_vel_x=0.4`; dots separate names as well."""
     key, equals, value = text.partition("=")
     names = parts_of(key.strip().replace(".", "/"))
     if not equals or not names:
         message = f'"{text}" is not an override; write NAME=VALUE, for example DWAPlannerROS/max_vel_x=0.4'
         out.add_finding("error", "override", at, message)
-        return
+        return None
     node, findings = parse_value(value.strip(), at.file)
     errors = [f for f in findings if f.severity == "error"]
     if errors:
         path = "/".join(names)
         message = f'{path} = "{value}" cannot be read: {errors[0].message}'
         out.findings.append(finding("error", "override", at, path, message))
-        return
+        return None
     if node is None:
         node = ScalarNode(None, at)
     relocate(node, at)
+    return names, at, node
+
+
+def _override(out: Sources, names: list[str], at: Location, node: Node) -> None:
     space = out.root
     for name in names[:-1]:
         space = descend(space, name, at, out.findings)

@@ -461,6 +461,17 @@ def read_yaml(path: Path, shown: str | None = None, *, any_key: bool = False) ->
     return parse_yaml(text, name, any_key=any_key)
 
 
+def first_alias(path: Path) -> tuple[int, int] | None:
+    """Return line and column of the first alias in a YAML file that can be read; None without one."""
+    try:
+        for event in yaml.parse(read_bytes(path, MAX_BYTES), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+            if isinstance(event, yaml.AliasEvent):
+                return event.start_mark.line + 1, event.start_mark.column + 1
+    except (OSError, ValueError, yaml.YAMLError):
+        return None  # reported when the file was read
+    return None
+
+
 def _unread(name: str, rule: str, problem: str) -> YamlFile:
     at = Location(name)
     return YamlFile(DictNode({}, at), [finding("error", rule, at, "", f"{name} {problem}")])
