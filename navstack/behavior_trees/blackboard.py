@@ -16,7 +16,7 @@ import numpy as np
 from navstack.behavior_trees.errors import BehaviorTreeRunError
 from navstack.core import Path, Pose2D, normalize_angle
 
-Direction = Literal["in", "out", "inout"]
+Direction = Literal["in", "out", "both"]
 
 
 class _Unset(Enum):

@@ -621,7 +621,7 @@ class NonblockingSequence(Control):
         return RUNNING
 
 
-@node("PersistentSequence", ports=(Port("current_child_idx", "int", direction="inout", required=True),))
+@node("PersistentSequence", ports=(Port("current_child_idx", "int", direction="both", required=True),))
 class PersistentSequence(Control):
     """A Sequence whose index is an entry of the blackboard, so that it outlives a halt."""
 

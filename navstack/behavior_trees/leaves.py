@@ -85,7 +85,7 @@ class ScriptCondition(_Scripted, Condition):
 
 @node(
     "SetBlackboard",
-    ports=(Port("value", "any", required=True), Port("output_key", "any", direction="inout", required=True)),
+    ports=(Port("value", "any", required=True), Port("output_key", "any", direction="both", required=True)),
 )
 class SetBlackboard(Action):
     """Writes `value` (a constant, or another entry) to the entry `output_key`."""

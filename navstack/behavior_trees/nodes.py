@@ -6,6 +6,7 @@ method `tick`; register it with `@NODES.register("MyNode")`, or by an entry poin
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from enum import IntEnum
 from typing import ClassVar, Final, Protocol, TypeVar, cast
@@ -61,7 +62,7 @@ class Context(Protocol):
     """Names of constants in scripts and switches."""
     topics: dict[str, object]
     """The last message of each topic."""
-    failed: list[Leaf]
+    failed: deque[Leaf]
     """Leaves that failed in this tick, in order."""
     servers: Servers
     wraps_around: bool

@@ -22,7 +22,7 @@ class Traced(Protocol):
     ticks: int
     status: Status
     nodes: list[Node]
-    failed: list[Leaf]
+    failed: deque[Leaf]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -45,11 +46,11 @@ from navstack.behavior_trees.trace import Trace
 from navstack.behavior_trees.xml_reader import Documents, Element
 from navstack.core import Twist2D, UnknownPluginError
 
-MAX_NODES: Final = 100_000
+MAX_NODES: Final = 30_000
 """Most nodes of a tree, with its subtrees."""
 MAX_DEPTH: Final = 200
 """Deepest nesting of nodes, with subtrees: each level takes two frames of Python's stack."""
-MAX_WORK: Final = 1_000_000
+MAX_WORK: Final = 100_000
 """Most ticks of nodes that loops may cause within one tick of the tree."""
 NANO: Final = 1_000_000_000
 
@@ -119,8 +120,8 @@ class BehaviorTree:
         """Result of the last tick."""
         self.nodes: list[Node] = []
         """All nodes, parents first."""
-        self.failed: list[Leaf] = []
-        """Leaves that returned FAILURE in this tick, in order."""
+        self.failed: deque[Leaf] = deque(maxlen=100)
+        """The last leaves that returned FAILURE in this tick, in order."""
         self.topics: dict[str, object] = {}
         """The last message of each topic: `goal_update`, `planner_selector`, .."""
         self.services: dict[str, list[Callable[[], None]]] = {}
@@ -478,7 +479,8 @@ class _Builder:
         for name, port in ports.items():
             text = element.attributes.get(name)
             if text is None and port.required:
-                form = f'{name}="{{{name}}}"' if port.type not in TYPES or port.direction == "inout" else f'{name}=".."'
+                plain = port.type in ("bool", "int", "unsigned", "double", "string", ANY) and port.direction == "in"
+                form = f'{name}=".."' if plain else f'{name}="{{{name}}}"'
                 raise element.error(
                     f"{item.type} needs the port {name} ({port.type}); write {form}", node=item.type, port=name
                 )
