@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from navstack.behavior_trees.trace import Trace as Trace
     from navstack.behavior_trees.tree import NODES as NODES
     from navstack.behavior_trees.tree import BehaviorTree as BehaviorTree
+    from navstack.behavior_trees.tree import find_tree as find_tree
+    from navstack.behavior_trees.tree import packaged_trees as packaged_trees
 else:
     from navstack._lazy import lazy_face
 

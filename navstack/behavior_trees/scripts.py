@@ -20,6 +20,8 @@ Expression = Callable[[Blackboard], Value]
 
 MAX_LENGTH: Final = 10_000
 """Longest script (characters)."""
+MAX_DIGITS: Final = 100
+"""Longest number of a script (characters)."""
 MAX_DEPTH: Final = 50
 """Deepest nesting of a script."""
 MAX_TEXT: Final = 100_000
@@ -192,6 +194,8 @@ class _Parser:
                 self._expect(")")
                 return inner, None
             case "number" | "hex", text:
+                if len(text) > MAX_DIGITS:
+                    raise ScriptError(f"a number of more than {MAX_DIGITS} characters", token.position)
                 number = float(int(text, 16)) if token.kind == "hex" else float(text)
                 return (lambda _: number), None
             case "string", text:

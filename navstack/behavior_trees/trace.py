@@ -57,8 +57,9 @@ class Recovery:
 
     def __str__(self) -> str:
         code = f" with code {self.code}" if self.code else ""
-        why = f": {self.message}" if self.message else ""
-        cause = f"{self.cause} failed{code}{why}" if self.cause else "no leaf failed"
+        why = f": {self.message:.120}" if self.message else ""
+        # relative to the node that recovers: paths are long
+        cause = f"{self.cause.removeprefix(self.path + '/')} failed{code}{why}" if self.cause else "no leaf failed"
         return f"{self.time:.2f} s, {self.path} recovers ({self.attempt} of {self.allowed}): {cause}"
 
 

@@ -44,7 +44,7 @@ from navstack.behavior_trees.scripts import Script
 from navstack.behavior_trees.servers import NoServers, Servers
 from navstack.behavior_trees.trace import Trace
 from navstack.behavior_trees.xml_reader import Documents, Element
-from navstack.core import Twist2D, UnknownPluginError
+from navstack.core import Twist2D, UnknownPluginError, data_folder
 
 MAX_NODES: Final = 30_000
 """Most nodes of a tree, with its subtrees."""
@@ -591,3 +591,32 @@ def _number_or_text(text: str) -> object:
         except ValueError:
             continue
     return text
+
+
+def packaged_trees() -> dict[str, Path]:
+    """Return the packaged trees by name."""
+    folder = data_folder("params") / "behavior_trees"
+    return {path.stem: path for path in sorted(folder.glob("*.xml"))}
+
+
+def find_tree(source: str | os.PathLike[str]) -> str | Path:
+    """Return the file of a tree: a path, the name of a packaged tree, or a path whose file is packaged; or the text of a tree.
+
+    So a robot's parameters, which name a file of Nav2's installation, find the packaged tree of that name. Raises
+    BehaviorTreeError for an unknown name.
+    """
+    text = os.fspath(source)
+    if "<" in text:
+        return text
+    try:
+        path = Path(text)
+        if path.is_file():
+            return path
+    except (OSError, ValueError) as exc:
+        raise BehaviorTreeError(f"{text!r:.200}: the behavior tree cannot be read: {exc}") from None
+    known = packaged_trees()
+    name = path.name.removesuffix(".xml")
+    if name in known:
+        return known[name]
+    hint = _suggestion(name, list(known)) or f"; the packaged trees are {', '.join(known)}"
+    raise BehaviorTreeError(f'there is no behavior tree "{text:.200}"{hint}', file=text)

@@ -118,7 +118,7 @@ def _change(root: ET.Element, rng: random.Random) -> None:
             element.set(key, rng.choice(texts))
         case 4:
             if element.keys():
-                del element.attrib[rng.choice(element.keys())]
+                del element.attrib[rng.choice(list(element.keys()))]
         case 5:
             if element not in list(other.iter()):
                 element.append(
