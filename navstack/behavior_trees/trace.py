@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Protocol
 
 from navstack.behavior_trees.nodes import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Leaf, Node, Status
@@ -55,12 +56,15 @@ class Recovery:
     """Its error code; 0 if it has none."""
     message: str
 
-    def __str__(self) -> str:
+    @property
+    def reason(self) -> str:
+        """Why it recovered; the leaf is named relative to the RecoveryNode."""
         code = f" with code {self.code}" if self.code else ""
         why = f": {self.message:.120}" if self.message else ""
-        # relative to the node that recovers: paths are long
-        cause = f"{self.cause.removeprefix(self.path + '/')} failed{code}{why}" if self.cause else "no leaf failed"
-        return f"{self.time:.2f} s, {self.path} recovers ({self.attempt} of {self.allowed}): {cause}"
+        return f"{self.cause.removeprefix(self.path + '/')} failed{code}{why}" if self.cause else "no leaf failed"
+
+    def __str__(self) -> str:
+        return f"{self.time:.2f} s, {self.path} recovers ({self.attempt} of {self.allowed}): {self.reason}"
 
 
 class Trace:
@@ -72,12 +76,14 @@ class Trace:
         self._recoveries: deque[Recovery] = deque(maxlen=MAX_RECOVERIES)
         self.recovery_count = 0
         """Recoveries in all."""
+        self._first_tick = 0
 
     def clear(self) -> None:
         """Forget everything."""
         self._changes.clear()
         self._recoveries.clear()
         self.recovery_count = 0
+        self._first_tick = self._tree.ticks
         for item in self._tree.nodes:
             item.counts[:] = [0, 0, 0, 0, 0]
 
@@ -147,15 +153,27 @@ class Trace:
             now = " <- running" if item.status is RUNNING else ""
             yield f"{'  ' * level}{item.label}: {', '.join(parts) or 'never ran'}{last}{now}"
 
+    def _grouped(self) -> Iterator[str]:
+        """Yield a line for all recoveries of one node for one reason."""
+        groups: dict[tuple[str, str], list[Recovery]] = {}
+        for recovery in self._recoveries:
+            groups.setdefault((recovery.path, recovery.reason), []).append(recovery)
+        for (path, reason), found in groups.items():
+            begin, end = found[0].time, found[-1].time
+            when = f"{begin:.2f} s" if begin == end else f"{begin:.2f} to {end:.2f} s"
+            times = "once" if len(found) == 1 else f"{len(found)} times"
+            yield f"  {path} recovers {times}, {when}: {reason}"
+
     def text(self, *, everything: bool = False) -> str:
         """Return the trace as compact text: the result, the nodes that ran with their counts, the recoveries and their causes."""
         tree = self._tree
-        head = f"{tree.name}: {tree.status.name} after {tree.ticks} ticks, at {tree.now_ns / NANO:.2f} s"
+        ticks = tree.ticks - self._first_tick
+        head = f"{Path(tree.name).name}: {tree.status.name} after {ticks} ticks, at {tree.now_ns / NANO:.2f} s"
         found = [head, *self.lines(everything=everything)]
         if self.recovery_count:
             shown = len(self._recoveries)
             more = f", the last {shown}" if shown < self.recovery_count else ""
-            found += [f"recoveries ({self.recovery_count}{more}):", *(f"  {recovery}" for recovery in self._recoveries)]
+            found += [f"recoveries ({self.recovery_count}{more}):", *self._grouped()]
         return "\n".join(found)
 
     __str__ = text

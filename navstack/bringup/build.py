@@ -84,8 +84,8 @@ def build_move_base(
 
     With sections for safety (`twist_mux`, `velocity_smoother`, `collision_monitor`, `collision_detector`), the robot gets its
     commands through a `CommandChain`, which is then `MoveBase.robot`; a robot that is a chain already is left as it is.
-    `planning`, `stopwatch`: see `MoveBase`. With a `behavior_tree` (a file, or the name of a packaged one), the tree drives the
-    goals instead of move_base's states: see `TreeMoveBase`.
+    `planning`, `stopwatch`: see `MoveBase`. With a `behavior_tree` (a file, or the name of a packaged one; default: that of the
+    configuration), the tree drives the goals instead of move_base's states: see `TreeMoveBase`.
     """
     if configuration.safety.in_use and not isinstance(robot, CommandChain):
         robot = build_chain(configuration, robot)
@@ -94,6 +94,7 @@ def build_move_base(
         if published is not static_map:
             _warn_of_frame(static_map.frame, published.frame, listeners)
         static_map = published
+    behavior_tree = behavior_tree or configuration.navstack.behavior_tree or None
     kind = MoveBase if behavior_tree is None else TreeMoveBase
     move_base = kind(
         configuration.move_base,

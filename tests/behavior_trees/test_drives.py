@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import navstack as nav
+from navstack.behavior_trees import BehaviorTreeError
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Pose2D
 from navstack.move_base import GoalHandle, GoalStatus, TreeMoveBase
@@ -116,3 +117,15 @@ def test_two_runs_are_equal() -> None:
         run(move_base, robot, move_base.send_goal(OFFICE_2))
         found.append((robot.time, robot.pose, move_base.tree.explain()))
     assert found[0] == found[1]
+
+
+def test_a_configuration_names_its_tree() -> None:
+    robot = nav.load_robot("turtlebot", navstack={"behavior_tree": DEFAULT})
+    result = nav.simulate("office", robot=robot, goals=["office_2"], seed=0)
+    assert "1/1 goals" in str(result)
+    assert "ComputePathToPose: succeeded" in str(result.explain(goal=1))
+
+
+def test_an_unknown_tree_is_an_error_with_a_suggestion() -> None:
+    with pytest.raises(BehaviorTreeError, match='did you mean "navigate_to_pose_w_replanning_and_recovery"'):
+        build("navigate_to_pose_w_replaning_and_recovery")

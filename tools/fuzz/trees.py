@@ -133,7 +133,7 @@ def _change(root: ET.Element, rng: random.Random) -> None:
 
 def read_tree(path: Path) -> None:
     """Read a tree, tick it for a while with a robot without servers, explain it."""
-    tree = BehaviorTree(path, blackboard={"goal": StampedPose(1.0, 2.0)})
+    tree = BehaviorTree(path, blackboard={"goal": StampedPose(1.0, 2.0), "n": 0, "x": 1})
     for tick in range(20):
         try:
             tree.tick(0.01 * tick)
