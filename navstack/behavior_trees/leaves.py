@@ -102,6 +102,9 @@ class SetBlackboard(Action):
         if target is None:
             return FAILURE
         kind = TYPES.get(target.type)
+        if kind is None and isinstance(target.value, (int, float)):
+            # the entry holds a number, as of a script
+            kind = TYPES["int" if isinstance(value, str) and value.strip().lstrip("-").isdigit() else "double"]
         if kind is not None and isinstance(value, str):
             try:
                 value = kind.parse(value)

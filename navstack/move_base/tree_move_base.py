@@ -117,7 +117,7 @@ class TreeMoveBase(MoveBase):
             self._cycles.advance(now)
             if not self._must_end(now) and self._goal is not None:
                 self._run_tree(self._goal, now)
-        if self._goal is None or self._recoveries.running is None:
+        if self._goal is None or self._recoveries.running is None or self.lost.is_lost:
             return
         if self._servers.behavior_begins:
             self._servers.behavior_begins = False
@@ -201,7 +201,12 @@ class TreeMoveBase(MoveBase):
         text = tree.explain() if self._of_tree is not None else ""
         recoveries = [str(recovery) for recovery in tree.trace.recoveries]
         if self._of_tree is not None:
-            tree.halt()
+            try:
+                tree.halt()
+            except NavError as exc:  # a script of the tree
+                self._events.warn(now, exc.message, exc)
+        self._recoveries.runner.drop(now)
+        self._planning.abandon()
         self._servers.forget()
         self._of_tree = None
         if goal is not None and text:
@@ -213,6 +218,14 @@ class TreeMoveBase(MoveBase):
         result = goal.result(GoalStatus.ABORTED, TREE_FAILED, error, now)
         result.data["tree"] = text.splitlines()
         self.server.set_aborted(now, TREE_FAILED, result)
+
+    def _drop_recovery(self, now: float) -> None:
+        """Do nothing: the tree decides which behavior runs, also after a new goal; the end of the goal halts it."""
+
+    @property
+    def _has_recovery(self) -> bool:
+        """False: a robot that is lost stops and waits; the recoveries are those of the tree."""
+        return False
 
     def _show(self, mode: Mode, now: float) -> None:
         """Publish a change of the mode, for records."""

@@ -14,7 +14,7 @@ def tree(inner: str, more: str = "", root: str = 'BTCPP_format="4" main_tree_to_
 
 
 FAULTS = {
-    "unknown node": (tree("<Sequense><AlwaysSuccess/></Sequense>"), 3, 5, 'did you mean "Sequence"?'),
+    "unknown node": (tree("<Sequens><AlwaysSuccess/></Sequens>"), 3, 5, 'did you mean "Sequence"?'),
     "unknown node by ID": (tree('<Action ID="Spinn"/>'), 3, 5, 'did you mean "Spin"?'),
     "tree as a node": (tree("<B/>", '<BehaviorTree ID="B"><AlwaysSuccess/></BehaviorTree>'), 3, 5, '<SubTree ID="B"/>'),
     "unknown port": (tree('<Spin spin_dst="1"/>'), 3, 11, 'did you mean "spin_dist"?'),
