@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
+from navstack.behavior_trees import find_tree
 from navstack.bringup.single_plan import build_costmap, make_global_planner
 from navstack.core import (
     Event,
@@ -24,7 +26,7 @@ from navstack.core import (
 from navstack.costmap import LayeredCostmap, apply_reconfigure, check_reconfigure
 from navstack.global_planner import is_smoothed_by, smoothed, unsmoothed
 from navstack.localization import believed_start, make_filter, make_localizer
-from navstack.move_base import MoveBase, Planning, call
+from navstack.move_base import MoveBase, Planning, TreeMoveBase, call
 from navstack.parameters import Configuration
 from navstack.plugins import GlobalPlanner, LocalPlanner, Plugin, RecoveryBehavior, Robot
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
@@ -73,6 +75,7 @@ def build_move_base(
     recovery_time_limit_s: float = RECOVERY_TIME_LIMIT_S,
     planning: Planning | None = None,
     stopwatch: Callable[[], float] | None = None,
+    behavior_tree: str | os.PathLike[str] | None = None,
 ) -> MoveBase:
     """Build a goal manager for `robot` with the planners, costmaps and recovery behaviors of a configuration.
 
@@ -81,7 +84,8 @@ def build_move_base(
 
     With sections for safety (`twist_mux`, `velocity_smoother`, `collision_monitor`, `collision_detector`), the robot gets its
     commands through a `CommandChain`, which is then `MoveBase.robot`; a robot that is a chain already is left as it is.
-    `planning`, `stopwatch`: see `MoveBase`.
+    `planning`, `stopwatch`: see `MoveBase`. With a `behavior_tree` (a file, or the name of a packaged one; default: that of the
+    configuration), the tree drives the goals instead of move_base's states: see `TreeMoveBase`.
     """
     if configuration.safety.in_use and not isinstance(robot, CommandChain):
         robot = build_chain(configuration, robot)
@@ -90,7 +94,9 @@ def build_move_base(
         if published is not static_map:
             _warn_of_frame(static_map.frame, published.frame, listeners)
         static_map = published
-    move_base = MoveBase(
+    behavior_tree = behavior_tree or configuration.navstack.behavior_tree or None
+    kind = MoveBase if behavior_tree is None else TreeMoveBase
+    move_base = kind(
         configuration.move_base,
         robot=robot,
         global_costmap=build_costmap("global_costmap", configuration.global_costmap, robot.frames, static_map),
@@ -105,6 +111,8 @@ def build_move_base(
         planning=planning,
         stopwatch=stopwatch,
     )
+    if behavior_tree is not None and isinstance(move_base, TreeMoveBase):
+        move_base.use_tree(find_tree(behavior_tree))
     _set_lost(move_base, configuration)
     return move_base
 

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from navstack.move_base.states import Mode as Mode
     from navstack.move_base.states import Trigger as Trigger
     from navstack.move_base.states import document_markdown as document_markdown
+    from navstack.move_base.tree_move_base import TreeFailedError as TreeFailedError
+    from navstack.move_base.tree_move_base import TreeMoveBase as TreeMoveBase
     from navstack.parameters import MoveBaseParams as MoveBaseParams
     from navstack.parameters import builtin_recoveries as builtin_recoveries
 else:

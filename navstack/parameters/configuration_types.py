@@ -55,6 +55,11 @@ class NavstackParams(ParamModel):
     lost_timeout: float = param(
         60.0, "maximum time that a goal waits for a robot that is lost; then the goal is aborted", unit="s", gt=0.0
     )
+    behavior_tree: str = param(
+        "",
+        "behavior tree that drives the goals, as Nav2's default_nav_to_pose_bt_xml: a file, or the name of a packaged tree; "
+        "without one, move_base's own states do",
+    )
     sim: SimParams = param(SimParams(), "the simulated robot")
     motion: MotionParams = param(MotionParams(), "motions and teleop")
 

@@ -171,11 +171,13 @@ class Registry(Generic[T]):
 
 _PREFIX: Final = "navstack."
 """Beginning of the groups of entry points."""
+_OTHER_GROUPS: Final = ("navstack.behavior_tree_nodes",)
+"""Groups of registries in other packages: `navstack.behavior_trees.NODES`."""
 
 
 def unknown_groups() -> list[tuple[str, str]]:
     """Return name and fault of each entry point in a group `navstack.*` that no registry reads: it has no effect."""
-    groups = [registry.group for registry in REGISTRIES]
+    groups = [*(registry.group for registry in REGISTRIES), *_OTHER_GROUPS]
     foreign = sorted(group for group in _entry_points().groups if group.startswith(_PREFIX) and group not in groups)
     found: list[tuple[str, str]] = []
     for point in (p for group in foreign for p in _entry_points().select(group=group)):

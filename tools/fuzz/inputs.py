@@ -27,9 +27,10 @@ from tools.fuzz.images import mutated_image
 from tools.fuzz.launch import mutated_launch
 from tools.fuzz.logs import mutated_log, read_log, valid_logs
 from tools.fuzz.text import mutated_yaml
+from tools.fuzz.trees import mutated_tree, read_tree
 from tools.fuzz.values import SPECIAL_FILES
 
-KINDS: Final = ("map", "record", "scenario", "parameters", "nav2", "launch", "log")
+KINDS: Final = ("map", "record", "scenario", "parameters", "nav2", "launch", "log", "tree")
 _SUFFIXES: Final = {
     "map": ".yaml",
     "record": ".npz",
@@ -38,6 +39,7 @@ _SUFFIXES: Final = {
     "nav2": ".yaml",
     "launch": ".launch",
     "log": ".bag",
+    "tree": ".xml",
 }
 _SPECIAL_SHARE: Final = 0.01
 _CHECK_SHARE: Final = 0.02
@@ -132,6 +134,8 @@ class Inputs:
             case "log":
                 name = rng.choice(sorted(self.logs))
                 path = self._write(f"fuzzed.{name}", mutated_log(self.logs[name], rng))
+            case "tree":
+                path = self._write("fuzzed.xml", mutated_tree(rng))
             case "parameters":
                 path = self._write("fuzzed.yaml", mutated_yaml(rng.choice(self.parameters), rng))
             case "nav2":
@@ -158,13 +162,15 @@ class Inputs:
     def _readers(self, kind: str, path: Path, rng: random.Random) -> Callable[[], object]:
         """What reads a file of the kind: the reader that commands use, or a whole command."""
         chance, name = rng.random(), str(path)
-        if rng.random() < self.commands:
+        if rng.random() < self.commands and kind != "tree":
             return lambda: _command(_arguments(kind, name, chance))
         match kind:
             case "map":
                 return lambda: _use_map(load_mask(path) if chance < 0.1 else load_map(path))
             case "record":
                 return lambda: _use_record(path, again=chance < 0.05)
+            case "tree":
+                return lambda: read_tree(path)
             case "log":
                 return lambda: read_log(path, partial=chance < 0.5)
             case "scenario":
