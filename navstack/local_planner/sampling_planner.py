@@ -23,7 +23,7 @@ from navstack.core import (
 )
 from navstack.local_planner.critics.obstacle import ObstacleCritic
 from navstack.local_planner.path_handlers import NearbyPlan
-from navstack.local_planner.scoring import ScoreTable, rejection_details, rejection_report, score
+from navstack.local_planner.scoring import ScoreTable, control_diagnostics, rejection_report, score
 from navstack.plugins import (
     Approach,
     ControlDiagnostics,
@@ -228,19 +228,7 @@ class SamplingPlanner(LocalPlanner):
         context, rollouts, table, plan = self._last
         at_goal = plan.mode not in ("follow", "escape")
         critics: list[Critic] = [self._collision_check] if at_goal else self.critics
-        samples = plan.samples if plan.samples is not None else rollouts.commands
-        grids = {critic.name: critic.grid_values() for critic in self.critics}
-        return ControlDiagnostics(
-            plan=plan,
-            rollouts=Rollouts(rollouts.commands.copy(), rollouts.poses.copy(), rollouts.counts.copy()),
-            costmap=context.costmap,
-            footprint=context.footprint,
-            rejections=rejection_report(table, critics, samples)[0],
-            samples=rejection_details(table, critics),
-            rule=self.rule,
-            grids={name: grid for name, grid in grids.items() if grid is not None},
-            critic_states={critic.name: critic.state() for critic in self.critics},
-        )
+        return control_diagnostics(plan, context, rollouts, table, self.critics, self.rule, rejecting=critics)
 
     @property
     def rule(self) -> str:

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from navstack.core import InternalError, NavError, plain_kernel
 from navstack.plugins import (
+    ControlDiagnostics,
     Critic,
+    LocalPlan,
     RejectionDetail,
     Rollouts,
     ScoringContext,
@@ -48,31 +50,46 @@ def score(critics: Sequence[Critic], context: ScoringContext, rollouts: Rollouts
     totals, rejected_by = np.empty(k), np.empty(k, np.int8)
     best = begin_table(rollouts.counts, alive, costs, totals, rejected_by)
     for i, critic in enumerate(critics):
-        foreign = not type(critic).__module__.startswith("navstack.")
-        before = rollouts.commands.copy() if foreign else rollouts.commands
-        try:
-            critic.prepare(context)
-            scale = scales[i] = float(critic.scale)
-            if scale == 0.0:
-                continue
-            scores = critic.score(rollouts)
-        except NavError:
-            raise
-        except Exception as exc:
-            raise plugin_error(critic, exc) from exc
-        if not isinstance(scores, np.ndarray) or scores.shape != (k,) or scores.dtype != FLOAT64:
-            is_array = isinstance(scores, np.ndarray)
-            what = f"{scores.dtype} of shape {scores.shape}" if is_array else type(scores).__name__
-            raise InternalError(
-                f'critic "{critic.name}" must return {k} float64 scores, not {what}',
-                critic=critic.name,
-            )
-        if foreign and not np.array_equal(rollouts.commands, before, equal_nan=True):
-            raise broken_contract(critic, "wrote into rollouts.commands, which are what the robot is commanded")
-        if not scores.flags.c_contiguous:  # another layout would compile another version of the kernel
-            scores = scores.copy()
-        best = add_scores(scores, scale, i, alive, costs, totals, rejected_by)
+        scale = scales[i] = prepared_scale(critic, context)
+        if scale != 0.0:
+            scores = checked_scores(critic, rollouts)
+            best = add_scores(scores, scale, i, alive, costs, totals, rejected_by)
     return ScoreTable(costs, scales, totals, rejected_by, best)
+
+
+def prepared_scale(critic: Critic, context: ScoringContext) -> float:
+    """Prepare a critic for a cycle, and return its weight. Raises PluginError if it fails."""
+    try:
+        critic.prepare(context)
+        return float(critic.scale)
+    except NavError:
+        raise
+    except Exception as exc:
+        raise plugin_error(critic, exc) from exc
+
+
+def checked_scores(critic: Critic, rollouts: Rollouts) -> NDArray[np.float64]:
+    """(K,) scores of a prepared critic.
+
+    Raises InternalError for an array of the wrong shape or type, PluginError if the critic fails or writes into the commands.
+    """
+    k = len(rollouts.counts)
+    foreign = not type(critic).__module__.startswith("navstack.")
+    before = rollouts.commands.copy() if foreign else rollouts.commands
+    try:
+        scores = critic.score(rollouts)
+    except NavError:
+        raise
+    except Exception as exc:
+        raise plugin_error(critic, exc) from exc
+    if not isinstance(scores, np.ndarray) or scores.shape != (k,) or scores.dtype != FLOAT64:
+        is_array = isinstance(scores, np.ndarray)
+        what = f"{scores.dtype} of shape {scores.shape}" if is_array else type(scores).__name__
+        raise InternalError(f'critic "{critic.name}" must return {k} float64 scores, not {what}', critic=critic.name)
+    if foreign and not np.array_equal(rollouts.commands, before, equal_nan=True):
+        raise broken_contract(critic, "wrote into rollouts.commands, which are what the robot is commanded")
+    # another layout would compile another version of the kernel
+    return scores if scores.flags.c_contiguous else scores.copy()
 
 
 @plain_kernel
@@ -112,6 +129,33 @@ def add_scores(scores, scale, critic, alive, costs, totals, rejected_by):
             rejected_by[k] = critic
             alive[k] = False
     return best
+
+
+def control_diagnostics(
+    plan: LocalPlan,
+    context: ScoringContext,
+    rollouts: Rollouts,
+    table: ScoreTable,
+    critics: Sequence[Critic],
+    rule: str,
+    *,
+    rejecting: Sequence[Critic] | None = None,
+) -> ControlDiagnostics:
+    """How a cycle selected its sample. `rejecting`: the critics of the table, if they are not all `critics`."""
+    used = critics if rejecting is None else rejecting
+    samples = plan.samples if plan.samples is not None else rollouts.commands
+    grids = {critic.name: critic.grid_values() for critic in critics}
+    return ControlDiagnostics(
+        plan=plan,
+        rollouts=Rollouts(rollouts.commands.copy(), rollouts.poses.copy(), rollouts.counts.copy()),
+        costmap=context.costmap,
+        footprint=context.footprint,
+        rejections=rejection_report(table, used, samples)[0],
+        samples=rejection_details(table, used),
+        rule=rule,
+        grids={name: grid for name, grid in grids.items() if grid is not None},
+        critic_states={critic.name: critic.state() for critic in critics},
+    )
 
 
 # --- why samples were rejected --------------------------------------------------------------------------------------

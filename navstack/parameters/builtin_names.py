@@ -106,8 +106,29 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
                 "gdist_scale"
             ),
             others=(
-                "stop_time_buffer acc_lim_trans acc_limit_trans restore_defaults holonomic_robot penalize_negative_x"
+                "stop_time_buffer acc_lim_trans acc_limit_trans restore_defaults holonomic_robot "
+                "penalize_negative_x"
             ),
+        ),
+        "dwb": PluginNames(
+            values=(
+                "controller_frequency goal_checker_plugins path_handler_plugins prune_distance "
+                "max_robot_pose_search_dist enforce_path_inversion inversion_xy_tolerance "
+                "inversion_yaw_tolerance min_vel_x max_vel_x min_vel_y max_vel_y max_vel_theta min_speed_xy "
+                "max_speed_xy min_speed_theta acc_lim_x acc_lim_y acc_lim_theta decel_lim_x decel_lim_y "
+                "decel_lim_theta trajectory_generator_name sim_time sim_period discretize_by_time "
+                "time_granularity linear_granularity angular_granularity include_last_point "
+                "limit_vel_cmd_in_traj vx_samples vy_samples vtheta_samples "
+                "short_circuit_trajectory_evaluation prune_plan forward_prune_distance "
+                "shorten_transformed_plan xy_goal_tolerance trans_stopped_velocity path_length_tolerance "
+                "default_critic_namespaces critics max_rot_vel min_trans_vel max_trans_vel min_rot_vel"
+            ),
+            others=(
+                "plugin transform_tolerance debug_trajectory_details publish_evaluation publish_global_plan "
+                "publish_transformed_plan publish_local_plan publish_trajectories publish_cost_grid_pc "
+                "marker_lifetime stateful"
+            ),
+            namespaces="FollowPath",
         ),
         "graceful": PluginNames(
             values=(
@@ -200,7 +221,8 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "savitzky_golay": PluginNames(
             values=(
-                "do_refinement refinement_num enforce_path_inversion minimum_turning_radius window_size poly_order"
+                "do_refinement refinement_num enforce_path_inversion minimum_turning_radius window_size "
+                "poly_order"
             ),
         ),
         "simple": PluginNames(
@@ -252,14 +274,21 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
     "recovery behavior": {
         "back_up": PluginNames(
             values=(
-                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist backup_speed"
+                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist "
+                "backup_speed"
             ),
         ),
         "clear_costmap_recovery": PluginNames(
-            values=("reset_distance invert_area_to_clear force_updating affected_maps layer_names layer_search_string"),
+            values=(
+                "reset_distance invert_area_to_clear force_updating affected_maps layer_names "
+                "layer_search_string"
+            ),
         ),
         "drive_on_heading": PluginNames(
-            values=("time_allowance simulate_ahead_time cycle_frequency disable_collision_checks dist_to_travel speed"),
+            values=(
+                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks dist_to_travel "
+                "speed"
+            ),
         ),
         "move_slow_and_clear": PluginNames(
             values="clearing_distance limited_trans_speed limited_rot_speed limited_distance",

@@ -47,6 +47,7 @@ from navstack.plugins import (
     GlobalPlanner,
     Layer,
     Plugin,
+    PluginSpec,
     RecoveryBehavior,
     Registry,
 )
@@ -499,7 +500,8 @@ class Loader:
         if self.root.children.get(space.name) is not space:
             space = self.binder.child(self.root, space.name)
         fixed: dict[str, Any] | None = None
-        if "critics" in entry.cls.Params.model_fields:
+        critics = entry.cls.Params.model_fields.get("critics")
+        if critics is not None and critics.annotation == list[PluginSpec] | None:  # DWB lists names, and has its own rule
             listed = self.plugins.read(space, "critics", CRITICS)
             known = [self.plugins.find(CRITICS, plugin) is not None for plugin in listed or ()]
             fixed = fixed_list(space, "critics", listed if all(known) else None)

@@ -129,7 +129,7 @@ def match_lidars(topics: Sequence[str], described: Sequence[DescribedLidar]) -> 
 def sideways_speed(params: Any) -> tuple[float, tuple[str, ...]]:
     """Return the highest sideways speed that a local planner may command (m/s) and the parameters that decide it."""
     if hasattr(params, "max_vel_y"):
-        if params.use_dwa and params.acc_lim_y == 0.0:
+        if getattr(params, "use_dwa", True) and params.acc_lim_y == 0.0:  # DWB has no use_dwa
             return 0.0, ()
         return max(abs(params.max_vel_y), abs(params.min_vel_y)), ("max_vel_y", "min_vel_y")
     if hasattr(params, "vy_max"):

@@ -54,6 +54,7 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "local planner": {
         "dwa": ("navstack.local_planner.dwa", "dwa_local_planner/DWAPlannerROS"),
+        "dwb": ("navstack.local_planner.dwb.planner", "dwb_core/DWBLocalPlanner"),
         "graceful": ("navstack.local_planner.graceful", "nav2_graceful_controller/GracefulController"),
         "mppi": ("navstack.local_planner.mppi.planner", "nav2_mppi_controller/MPPIController"),
         "regulated_pure_pursuit": (
@@ -72,20 +73,27 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "critic": {
         "ConstraintCritic": ("navstack.local_planner.mppi.critics.constraint", "mppi/critics/ConstraintCritic"),
         "CostCritic": ("navstack.local_planner.mppi.critics.cost", "mppi/critics/CostCritic"),
+        "GoalAlign": ("navstack.local_planner.dwb.map_grid", "dwb_critics/GoalAlignCritic"),
         "GoalAngleCritic": ("navstack.local_planner.mppi.critics.goal_angle", "mppi/critics/GoalAngleCritic"),
         "GoalCritic": ("navstack.local_planner.mppi.critics.goal", "mppi/critics/GoalCritic"),
+        "GoalDist": ("navstack.local_planner.dwb.map_grid", "dwb_critics/GoalDistCritic"),
+        "ObstacleFootprint": ("navstack.local_planner.dwb.critics", "dwb_critics/ObstacleFootprintCritic"),
         "ObstaclesCritic": ("navstack.local_planner.mppi.critics.obstacles", "mppi/critics/ObstaclesCritic"),
+        "Oscillation": ("navstack.local_planner.dwb.critics", "dwb_critics/OscillationCritic"),
+        "PathAlign": ("navstack.local_planner.dwb.map_grid", "dwb_critics/PathAlignCritic"),
         "PathAlignCritic": ("navstack.local_planner.mppi.critics.path_align", "mppi/critics/PathAlignCritic"),
         "PathAlignLegacyCritic": (
             "navstack.local_planner.mppi.critics.path_align",
             "mppi/critics/PathAlignLegacyCritic",
         ),
         "PathAngleCritic": ("navstack.local_planner.mppi.critics.path_angle", "mppi/critics/PathAngleCritic"),
+        "PathDist": ("navstack.local_planner.dwb.map_grid", "dwb_critics/PathDistCritic"),
         "PathFollowCritic": ("navstack.local_planner.mppi.critics.path_follow", "mppi/critics/PathFollowCritic"),
         "PreferForwardCritic": (
             "navstack.local_planner.mppi.critics.prefer_forward",
             "mppi/critics/PreferForwardCritic",
         ),
+        "Twirling": ("navstack.local_planner.dwb.critics", "dwb_critics/TwirlingCritic"),
         "TwirlingCritic": ("navstack.local_planner.mppi.critics.twirling", "mppi/critics/TwirlingCritic"),
         "VelocityDeadbandCritic": (
             "navstack.local_planner.mppi.critics.velocity_deadband",

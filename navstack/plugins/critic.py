@@ -54,6 +54,8 @@ class ScoringContext:
     """Cells of the rollouts, computed by the first critic that needs them."""
     path_grid: DistanceGrid | None = None
     """Distances to the plan, computed by the first critic that needs them."""
+    shared: dict[str, Any] = field(default_factory=dict[str, Any])
+    """What else critics compute once for all of them, by a name of their own."""
     _grid: NDArray[Any] | None = None
 
     @property

@@ -46,6 +46,8 @@ class Rollouts:
     """(K,) points per row; 0: outside the speed limits, not simulated."""
     alive: NDArray[np.bool_] = field(default_factory=lambda: _UNSET)
     """(K,) rows that no critic has rejected in this cycle; a critic may skip the others. By default all rows with points."""
+    seconds: NDArray[np.float64] | None = None
+    """(K,) time between two points of a row (s); None if the generator does not say."""
 
     def __post_init__(self) -> None:
         if self.alive is _UNSET:

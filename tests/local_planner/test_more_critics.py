@@ -94,8 +94,8 @@ def test_rotate_to_goal_slows_down_first() -> None:
     assert out == pytest.approx([-7.0, 5.0 * 0.09 + 0.0, -7.0, 5.0 * 0.39**2 + 1.0])
 
 
-def test_rotate_to_goal_keeps_its_phase_until_the_goal_changes() -> None:
-    """Neither leaving the tolerance nor a higher speed ends the phase; another goal does."""
+def test_rotate_to_goal_keeps_its_phase_until_the_next_plan() -> None:
+    """Neither leaving the tolerance nor a higher speed ends the phase; a reset does."""
     critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams(xy_goal_tolerance=0.15))
     ahead = straight((0.2, 0.0, 0.0))
     assert scored(critic, ahead, context()).tolist() == [-8.0]
@@ -109,7 +109,18 @@ def test_rotate_to_goal_keeps_its_phase_until_the_goal_changes() -> None:
         pushed.limits,
     )
     assert scored(critic, ahead, away).tolist() == [-8.0]
-    assert scored(critic, ahead, context(goal=Pose2D(0.5, 0.0, 1.0))).tolist() == [0.0]
+    critic.reset()
+    assert scored(critic, ahead, away).tolist() == [0.0]
+
+
+def test_rotate_to_goal_waits_for_the_end_of_the_path() -> None:
+    """A path that passes its goal and comes back to it is driven to its end."""
+    critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams())
+    at = context()
+    at.plan = np.array([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.1, 0.0, 1.0]])
+    assert scored(critic, straight((0.2, 0.0, 0.0)), at).tolist() == [0.0]
+    at.plan = at.plan[1:]
+    assert scored(critic, straight((0.2, 0.0, 0.0)), at).tolist() == [-8.0]
 
 
 def test_rotate_to_goal_then_only_turns() -> None:

@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import kernel
+from navstack.core import Pose2D, describe_cost, kernel
+from navstack.local_planner.critics.obstacle import travelled
 from navstack.local_planner.rollouts import shared_cells
-from navstack.plugins import CRITICS, Critic, ParamModel, Rollouts, ScoringContext, param
+from navstack.plugins import CRITICS, Critic, ParamModel, RejectionDetail, Rollouts, ScoringContext, param
 
 IN_COLLISION, OFF_MAP = -6.0, -4.0
 
@@ -28,13 +29,14 @@ class BaseObstacleCritic(Critic[BaseObstacleParams]):
 
     Params: ClassVar[type[ParamModel]] = BaseObstacleParams
     CODES: ClassVar[dict[int, str]] = {
-        int(IN_COLLISION): "center on an inscribed, lethal or unknown cell",
-        int(OFF_MAP): "center off the map",
+        int(IN_COLLISION): "Trajectory Hits Obstacle.",
+        int(OFF_MAP): "Trajectory Goes Off Grid.",
     }
 
     def __init__(self, name: str, params: BaseObstacleParams) -> None:
         super().__init__(name, params)
         self._context: ScoringContext | None = None
+        self._rollouts: Rollouts | None = None
         self._out = np.empty(0)
 
     @property
@@ -50,12 +52,42 @@ class BaseObstacleCritic(Critic[BaseObstacleParams]):
         """(K,) costs in 0..252 (their sum with `sum_scores`), -6 or -4, whichever comes first along the rollout."""
         if self._context is None:
             raise RuntimeError("prepare was not called")
+        self._rollouts = rollouts
         if len(self._out) != len(rollouts.counts):
             self._out = np.empty(len(rollouts.counts))
         cells = shared_cells(self._context, rollouts)
         costs = self._context.costmap.data
         center_costs(costs, cells.flat, rollouts.counts, rollouts.alive, self.params.sum_scores, self._out)
         return self._out
+
+    # --- diagnostics ------------------------------------------------------------------------------------------------
+
+    def explain(self, row: int) -> RejectionDetail:
+        """Point, pose and cell of the row's first collision."""
+        step = self._first_collision(row)
+        if self._context is None or self._rollouts is None or step < 0:
+            return RejectionDetail()
+        costmap = self._context.costmap
+        x, y, yaw = self._rollouts.poses[row, step].tolist()
+        cell = costmap.geometry.world_to_cell(x, y)
+        cost = int(costmap.data[cell[1], cell[0]]) if cell is not None else None
+        reason = "center off the map" if cost is None else f"center on {describe_cost(cost)}"
+        return RejectionDetail(reason, step, Pose2D(x, y, yaw), travelled(self._rollouts, row, step), cell, cost)
+
+    def nearest_rejection(self, rows: NDArray[np.intp]) -> int:
+        """The row that travels the shortest distance before its collision."""
+        rollouts = self._rollouts
+        assert rollouts is not None
+        first = {row: self._first_collision(row) for row in rows.tolist()}
+        return min(first, key=lambda row: (first[row] < 0, travelled(rollouts, row, first[row])))
+
+    def _first_collision(self, row: int) -> int:
+        """Index of the first point of a row in collision, -1 without."""
+        if self._context is None or self._rollouts is None:
+            return -1
+        cells = shared_cells(self._context, self._rollouts).flat[row, : self._rollouts.counts[row]]
+        blocked = (cells < 0) | (self._context.costmap.data.ravel()[cells] >= 253)
+        return int(blocked.argmax()) if blocked.any() else -1
 
 
 @kernel

@@ -147,34 +147,42 @@ class ObstacleCritic(Critic[ObstacleParams]):
         if context is None or rollouts is None or self.first_collision[row] < 0:
             return RejectionDetail()
         step = int(self.first_collision[row])
-        pose = Pose2D(*(float(v) for v in rollouts.poses[row, step]))
         speed = float(np.hypot(rollouts.commands[row, 0], rollouts.commands[row, 1]))
         scale = self.footprint_scale(speed, context.limits.max_vel_trans)
-        found = first_lethal_cell(context.costmap, context.footprint, pose, scale)
-        return RejectionDetail(
-            reason=f"footprint on {describe_cost(found[2])}" if found else "footprint off the map",
-            step=step,
-            pose=pose,
-            ahead_m=self._travelled(row),
-            cell=found[:2] if found else None,
-            cost=found[2] if found else None,
-        )
+        return collision_detail(context, rollouts, row, step, scale)
 
     def nearest_rejection(self, rows: NDArray[np.intp]) -> int:
         """The row that travels the shortest distance before its collision."""
-        return min(rows.tolist(), key=lambda row: (self.first_collision[row] < 0, self._travelled(row)))
-
-    def _travelled(self, row: int) -> float:
-        """Distance (m) that a row travels before its collision."""
-        assert self._rollouts is not None
-        step = int(self.first_collision[row])
-        along = self._rollouts.poses[row, : step + 1, :2]
-        return float(np.hypot(*np.diff(along, axis=0).T).sum()) if step > 0 else 0.0
+        rollouts, first = self._rollouts, self.first_collision
+        assert rollouts is not None
+        return min(rows.tolist(), key=lambda row: (first[row] < 0, travelled(rollouts, row, int(first[row]))))
 
     def footprint_scale(self, speed: float, max_speed: float) -> float:
         """Factor by which the footprint has grown at `speed` (m/s)."""
         p = self.params
         return float(footprint_scale(float(speed), p.scaling_speed, float(max_speed), p.max_scaling_factor))
+
+
+def collision_detail(
+    context: ScoringContext, rollouts: Rollouts, row: int, step: int, scale: float = 1.0
+) -> RejectionDetail:
+    """Describe the collision of the footprint, grown by `scale`, at point `step` of a rollout."""
+    pose = Pose2D(*rollouts.poses[row, step].tolist())
+    found = first_lethal_cell(context.costmap, context.footprint, pose, scale)
+    return RejectionDetail(
+        reason=f"footprint on {describe_cost(found[2])}" if found else "footprint off the map",
+        step=step,
+        pose=pose,
+        ahead_m=travelled(rollouts, row, step),
+        cell=found[:2] if found else None,
+        cost=found[2] if found else None,
+    )
+
+
+def travelled(rollouts: Rollouts, row: int, step: int) -> float:
+    """Distance (m) that a rollout travels up to point `step`."""
+    along = rollouts.poses[row, : step + 1, :2]
+    return float(np.hypot(*np.diff(along, axis=0).T).sum()) if step > 0 else 0.0
 
 
 def first_lethal_cell(

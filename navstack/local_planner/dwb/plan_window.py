@@ -1,0 +1,80 @@
+"""The part of the plan that DWB scores, as Nav2 up to Kilted cuts it: by distances from the robot, from a little behind it on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import GridGeometry, InvalidPathError, Path, Pose2D, Transform2D
+from navstack.local_planner.path_handlers import check_path, cut_path, no_plan, out_of_reach
+from navstack.plugins import LocalPath, PathHandler
+
+EVERYWHERE = np.array([-math.inf, -math.inf, math.inf, math.inf])
+
+
+class PlanWindow(PathHandler):
+    """Hands out the poses of the plan around the robot (DWBLocalPlanner::transformGlobalPlan).
+
+    From the first one nearer than `prune_distance` until the first one farther than `forward_prune_distance`, both at most half
+    of the local costmap; without `prune` or `shorten` that half alone. The first one is looked for in the next
+    `forward_prune_distance` of the plan. With `prune`, poses before it are dropped permanently.
+    """
+
+    def __init__(self, *, prune: bool, prune_distance: float, shorten: bool, forward_prune_distance: float) -> None:
+        self._prune, self._shorten = prune, shorten
+        self._behind, self._ahead = prune_distance, forward_prune_distance
+        self._plan: NDArray[np.float64] | None = None
+        """(n, 4) x, y, yaw, and length of the plan up to the pose."""
+        self._begin = 0
+
+    def set_plan(self, plan: Path) -> None:
+        """Replace the plan."""
+        check_path(plan)
+        poses = np.zeros((len(plan), 4))
+        poses[:, :3] = plan.poses
+        np.cumsum(np.hypot(np.diff(poses[:, 0]), np.diff(poses[:, 1])), out=poses[1:, 3])
+        self._plan, self._begin = poses, 0
+
+    def local_path(self, robot: Pose2D, to_costmap: Transform2D, geometry: GridGeometry) -> LocalPath:
+        """Return the poses around the robot. Raises InvalidPathError if there are none."""
+        plan = self._plan
+        if plan is None:
+            raise no_plan()
+        at = robot if to_costmap.is_identity() else to_costmap.inverse().apply(robot)
+        half = 0.5 * max(geometry.nx, geometry.ny) * geometry.resolution
+        first, end = self._window(plan, at, half)
+        if first >= end:
+            raise self._nothing(plan, at, half)
+        if self._prune:
+            self._begin = first
+        poses = np.empty((end - first, 3))
+        x, y, yaw = (float(v) for v in (to_costmap.x, to_costmap.y, to_costmap.yaw))
+        cut_path(plan, first, math.inf, x, y, yaw, EVERYWHERE, poses)
+        return LocalPath(
+            poses,
+            length=float(plan[end - 1, 3] - plan[first, 3]),
+            remaining_m=float(plan[-1, 3] - plan[first, 3]),
+            first=first,
+            end=end,
+            ends_at_goal=end == len(plan),
+        )
+
+    def _window(self, plan: NDArray[np.float64], at: Pose2D, half: float) -> tuple[int, int]:
+        """First index and the one after the last."""
+        behind = min(half, self._behind) if self._prune else half
+        ahead = min(half, self._ahead) if self._shorten else half
+        rest = plan[self._begin :]
+        distances = np.hypot(rest[:, 0] - at.x, rest[:, 1] - at.y)
+        searched = int(np.searchsorted(rest[:, 3] - rest[0, 3], self._ahead, side="right"))
+        near = np.flatnonzero(distances[:searched] < behind)
+        first = int(near[0]) if len(near) else searched
+        far = np.flatnonzero(distances[first:] > ahead)
+        end = first + int(far[0]) if len(far) else len(rest)
+        return self._begin + first, self._begin + end
+
+    def _nothing(self, plan: NDArray[np.float64], at: Pose2D, half: float) -> InvalidPathError:
+        """The error of a robot without a pose of the plan around it."""
+        reach = min([half, *([self._behind] if self._prune else ()), *([self._ahead] if self._shorten else ())])
+        return out_of_reach(plan[self._begin :, :3], at, reach)
