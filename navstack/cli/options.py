@@ -13,7 +13,7 @@ import typer
 
 from navstack.core import OutputError, ensure_directory, is_dir
 from navstack.map_io import map_names
-from navstack.parameters import packaged_sets
+from navstack.parameters import NAV2_DISTROS, packaged_sets
 from navstack.plot import FORMATS
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -91,6 +91,11 @@ def complete_map(incomplete: str) -> list[str]:
     return _starting_with(map_names(), incomplete)
 
 
+def complete_distro(incomplete: str) -> list[str]:
+    """Distributions, for shell completion."""
+    return _starting_with(["noetic", "indigo", *NAV2_DISTROS], incomplete)
+
+
 PARAMS_HELP = "Packaged set, folder, or files in loading order (repeatable)."
 
 # parameters
@@ -131,11 +136,20 @@ Distro = Annotated[
     str | None,
     typer.Option(
         "--distro",
-        metavar="noetic|indigo",
-        help="DWA cost scaling: as in noetic, or as in indigo (releases before 2018). [default: ros_distro of the parameters]",
+        metavar="NAME",
+        help="Distribution of the parameters. move_base: noetic, or indigo for DWA weights of releases before 2018. Nav2: "
+        f"{', '.join(NAV2_DISTROS)}. [default: ros_distro of the parameters; Nav2: by the keys]",
+        autocompletion=complete_distro,
     ),
 ]
-AllowMissing = Annotated[bool, typer.Option("--allow-missing", help="Skip layers and plugins that are not installed.")]
+AllowMissing = Annotated[
+    bool,
+    typer.Option(
+        "--allow-missing",
+        "--substitute",
+        help="Skip layers and plugins that are not installed; for a controller or planner of Nav2, another stands in.",
+    ),
+]
 
 # maps and poses
 Map = Annotated[

@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from navstack.parameters.models.twist_mux import MuxLockParams as MuxLockParams
     from navstack.parameters.models.twist_mux import TwistMuxParams as TwistMuxParams
     from navstack.parameters.models.velocity_smoother import VelocitySmootherParams as VelocitySmootherParams
+    from navstack.parameters.nav2.declared import NAV2_DISTROS as NAV2_DISTROS
     from navstack.parameters.nodes import LocalizationConfiguration as LocalizationConfiguration
     from navstack.parameters.nodes import default_filter as default_filter
     from navstack.parameters.nodes import unwrap_ros2 as unwrap_ros2

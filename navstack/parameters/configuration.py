@@ -17,7 +17,7 @@ from navstack.parameters.configuration_types import Configuration, CostmapConfig
 from navstack.parameters.findings import Finding, Location, finding, in_order
 from navstack.parameters.foreign import FOREIGN_LOCAL_PLANNERS
 from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams, builtin_recoveries
-from navstack.parameters.nav2.declared import DISTROS
+from navstack.parameters.nav2.declared import NAV2_DISTROS
 from navstack.parameters.nodes import load_localization, load_safety
 from navstack.parameters.plugin_lists import (
     ListedPlugin,
@@ -258,7 +258,7 @@ class Loader:
         read = read_sources(
             [sources] if isinstance(sources, str) else sources,
             overrides,
-            distro=distro if distro in DISTROS else None,
+            distro=distro if distro in NAV2_DISTROS else None,
             substitute=allow_missing,
         )
         self.root = read.root
@@ -283,10 +283,10 @@ class Loader:
         """The distribution of ROS 1, None for files of Nav2; one that nobody knows is reported."""
         if self.translation is None:
             return distro
-        if distro is not None and distro not in (*DISTROS, *ROS1_DISTROS):
-            close = nearest(distro, DISTROS)
+        if distro is not None and distro not in (*NAV2_DISTROS, *ROS1_DISTROS):
+            close = nearest(distro, NAV2_DISTROS)
             hint = f"did you mean {close}? " if close else ""
-            message = f"--distro {distro} is not a distribution of Nav2; {hint}known: {', '.join(DISTROS)}"
+            message = f"--distro {distro} is not a distribution of Nav2; {hint}known: {', '.join(NAV2_DISTROS)}"
             self.findings.append(finding("error", "nav2-distro", Location("--distro"), "", message, close))
         return None
 

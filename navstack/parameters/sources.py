@@ -17,7 +17,7 @@ from navstack.parameters.foreign import FOREIGN_PLANNERS
 from navstack.parameters.launch import LaunchReader, launch_argument
 from navstack.parameters.nav2.document import is_nav2, navigates
 from navstack.parameters.nodes import NODE_SECTIONS, SAFETY_SECTIONS
-from navstack.parameters.tree import COSTMAPS, Sources, Space, descend, overlay, parts_of, put
+from navstack.parameters.tree import COSTMAPS, Leaf, Sources, Space, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import (
     MAX_BYTES,
     DictNode,
@@ -65,6 +65,8 @@ _CHOOSE = "name the files one by one instead of the folder, with only one of the
 
 _NEEDED = ("base_local_planner", "base_global_planner", "footprint", "robot_radius", "recovery_behaviors")
 """Parameters that a folder must not lose."""
+_OF_MOVE_BASE = (*COSTMAPS, "base_local_planner", "base_global_planner")
+"""Names of which a tree of move_base's parameters has at least one."""
 _MOVE_BASE = re.compile(rb"""<node\b[^>]*\btype\s*=\s*["']move_base["']""")
 
 _Files = list[tuple[Path, str]]
@@ -139,6 +141,8 @@ def _is_of_nav2(out: Sources, root: DictNode, shown: str) -> bool:
     """Keep a file of Nav2 for later; False if it may as well be a section of move_base's files (`collision_monitor`)."""
     if not is_nav2(root):
         return False
+    if navigates(root) and not any(navigates(other) for _, other in out.nav2):
+        out.beside_move_base = any(name in out.root.children for name in _OF_MOVE_BASE)
     out.nav2.append((shown, root))
     return navigates(root)
 
@@ -355,7 +359,7 @@ def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute
     """Translate the files of Nav2 into the tree; return the overrides that were not of them."""
     if not any(navigates(root) for _, root in out.nav2):
         return given
-    if any(name in out.root.children for name in (*COSTMAPS, "base_local_planner", "base_global_planner")):
+    if out.beside_move_base:
         for _, root in out.nav2:  # nodes of Nav2 beside the parameters of move_base
             if navigates(root):
                 overlay(out.root, root, out.findings)
@@ -372,6 +376,7 @@ def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute
             if key in root.items:
                 put(out.root, key, *root.items[key], out.findings)
     own = [g for g in given if override_target(out.nav2, ".".join(g[0]), out.arguments)]
+    later, out.root = out.root, Space("", Location(""))
     out.translation = translate(
         out.nav2,
         out.root,
@@ -381,6 +386,11 @@ def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute
         overrides=[(".".join(names), at, node) for names, at, node in own],
         substitute=substitute,
     )
+    # what other sources set comes on top, also by the ids of Nav2: FollowPath={"vx_max": 0.3}
+    ids = out.translation.ids if out.translation is not None else {}
+    for name, child in later.children.items():
+        node = child.node if isinstance(child, Leaf) else child.as_node()
+        put(out.root, ids.get(name, name), child.at, node, out.findings)
     return [g for g in given if g not in own]
 
 

@@ -199,6 +199,8 @@ class Sources:
     """Arguments for launch files: the sources of the form `name:=value`."""
     nav2: list[tuple[str, DictNode]] = field(default_factory=list[tuple[str, DictNode]])
     """Files of Nav2: name in messages, content."""
+    beside_move_base: bool = False
+    """Those files came after parameters of move_base, which count instead."""
     translation: Translation | None = None
     """What became of the files of Nav2; None without such files, or if they could not be read."""
 

@@ -349,12 +349,15 @@ class NodeAudit:
             self._declare(key, "string")
         given = self.node.text(key)
         param = self.node.params.get(key)
-        if given is not None and param is not None:
-            self._block("controller", f"{prefix}primary_controller", where, given, param.node.at)
-            self.blocks[-1].kind = "primary controller"
-            for block in self.blocks:
-                if block.kind == "controller" and block.prefix == where and block.id.endswith(".primary_controller"):
-                    block.kind = "primary controller"
+        if given is None or param is None:
+            return
+        if canonical(given).endswith("::RotationShimController"):
+            message = "the primary_controller of a rotation shim is a rotation shim; name a controller that drives"
+            self.problems.append(("error", "nav2-shim-in-shim", param.node.at, key, message))
+            return
+        name = f"{prefix}primary_controller"
+        self._block("controller", name, where, given, param.node.at)
+        next(b for b in self.blocks if b.kind == "controller" and b.id == name).kind = "primary controller"
 
     def motion_model(self, prefix: str) -> None:
         """Add the block of MPPI's motion model, which has one from Lyrical on."""
@@ -568,6 +571,7 @@ _EXPANSIONS: Final[dict[str, Callable[[NodeAudit, str, Location], None]]] = {
     "nav2_costmap_2d::ObstacleLayer": _layer_sources,
     "nav2_costmap_2d::VoxelLayer": _layer_sources,
     "nav2_costmap_2d::PluginContainerLayer": _container,
+    "nav2_smac_planner::SmacPlanner2D": _smac,
     "nav2_smac_planner::SmacPlannerHybrid": _smac,
     "nav2_smac_planner::SmacPlannerLattice": _smac,
     "dwb_core::DWBLocalPlanner": _dwb,

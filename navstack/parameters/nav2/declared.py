@@ -11,8 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
-DISTROS: Final = ("foxy", "galactic", "humble", "iron", "jazzy", "kilted", "lyrical")
+NAV2_DISTROS: Final = ("foxy", "galactic", "humble", "iron", "jazzy", "kilted", "lyrical")
 """Distributions of ROS 2 that are known, oldest first."""
+DISTROS: Final = NAV2_DISTROS
 _INITIALS: Final = "FGHIJKL"
 FOXY, GALACTIC, HUMBLE, IRON, JAZZY, KILTED, LYRICAL = range(7)
 

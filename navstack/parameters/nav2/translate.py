@@ -57,6 +57,12 @@ class Translation:
     """Controllers and planners that the default tree does not use: registry, type, section, id."""
 
     @property
+    def ids(self) -> dict[str, str]:
+        """Id of a plugin -> path of its section, for those at the root."""
+        found = {own.rpartition("/")[2].rstrip("."): path for path, own in self.sections.items() if "/" not in path}
+        return {id_: path for id_, path in found.items() if id_ and id_ != path}
+
+    @property
     def default_file(self) -> str:
         """The location of values that Nav2 has without being told."""
         return f"default of Nav2 {self.distro}"
@@ -102,6 +108,7 @@ def translate(
     for name, at, value in overrides:
         _override(nodes, name, at, value)
     audits = audits_of(nodes, chosen)
+    _check_overrides(nodes, audits, overrides, findings)
     findings += check_nodes(nodes, audits.values())
     missing = [name for name in NAVIGATION if name not in nodes.nodes]
     if missing:
@@ -159,6 +166,32 @@ def _override(nodes: Nodes, name: str, at: Location, value: Node) -> None:
     node.params[param] = Param(param, at, value)
 
 
+def _check_overrides(
+    nodes: Nodes,
+    audits: Mapping[str, NodeAudit],
+    overrides: Sequence[tuple[str, Location, Node]],
+    findings: list[Finding],
+) -> None:
+    """Report overrides of parameters that Nav2 does not declare: what the user asked for does not happen."""
+    for name, at, _ in overrides:
+        target = _node_of(nodes, name)
+        if target is None:
+            continue
+        node, param = target
+        audit = audits[node.name]
+        if param in audit.declared or audit.is_free(param):
+            continue
+        del node.params[param]
+        block = audit.block_of(param)
+        prefix = block.prefix if block is not None else ""
+        close = nearest(param[len(prefix) :], [n[len(prefix) :] for n in audit.declared if n.startswith(prefix)])
+        hint = (
+            f"did you mean {prefix}{close}?" if close else "`navstack params show` lists the parameters that there are"
+        )
+        message = f"{name} sets nothing: {node.name} declares no {param} in Nav2 {DISTROS[audit.distro]}; {hint}"
+        findings.append(finding("error", "override", at, node.key(param), message, close))
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The translation of one robot.
 
@@ -192,6 +225,7 @@ class _Translator:
         self._planner_server()
         for name in COSTMAP_NODES:
             self._costmap(name)
+        self._one_base()
         self._behaviors()
         for name in ("velocity_smoother", "collision_monitor", "collision_detector", "amcl"):
             if name in self.nodes.nodes and exists(name, self.distro):
@@ -345,13 +379,27 @@ class _Translator:
     def _controller(self, node: RosNode, audit: NodeAudit, block: Block, space: Space) -> None:
         """A controller that navstack has, with the blocks below its own."""
         rows = dict(declared(block.scope, self.distro))
-        primary = next((b for b in audit.of_kind("primary controller") if b.prefix.startswith(block.prefix)), None)
+        primary = next(
+            (
+                b
+                for b in audit.of_kind("primary controller")
+                if b is not block
+                and block.scope.endswith("::RotationShimController")
+                and b.prefix.startswith(block.prefix)
+            ),
+            None,
+        )
         rows.pop("primary_controller", None)
         rows.pop("critics", None)
         self._rows(node, block.prefix, rows, space)
         self._critics(node, audit, block, space)
         if "AckermannConstraints" in space.children and node.value(f"{block.prefix}motion_model") != "Ackermann":
             del space.children["AckermannConstraints"]  # only read by that motion model
+        if node.value(f"{block.prefix}motion_model") not in _OMNI:
+            for name in _SIDEWAYS:  # used by that motion model only, and never 0 there
+                leaf = space.leaf(name)
+                if leaf is not None and leaf.value == 0.0:
+                    del space.children[name]
         model = node.text(f"{block.prefix}motion_model")
         if self.distro >= LYRICAL and model is not None:
             below = space.ensure(model, node.at)
@@ -384,6 +432,9 @@ class _Translator:
                 self._put(space, "critics", row.default)
             return
         self._take(node, listed, space, "critics")
+        if block.kind == "primary controller" and block.scope.startswith("nav2_mppi_controller"):
+            entries = [{"name": name, "type": name} for name in _texts(listed.node)]
+            self._put(space, "critics", entries, listed.node.at)
         for critic in audit.of_kind("critic"):
             if critic.prefix != f"{block.prefix}{critic.id}.":
                 continue
@@ -396,7 +447,11 @@ class _Translator:
                 del space.children[critic.id]
 
     def _stand_in(self, node: RosNode, block: Block, space: Space) -> None:
-        """The speeds that a controller that stands in takes over."""
+        """The speeds that a controller that stands in takes over, and a step of its model as long as the control period."""
+        frequency = self.root.leaf("controller_frequency")
+        hertz = frequency.value if frequency is not None else None
+        if isinstance(hertz, (int, float)) and hertz > 0.0:
+            self._put(space, "model_dt", 1.0 / hertz)
         for name, others in _SPEEDS.items():
             param = next((p for o in others if (p := node.params.get(block.prefix + o)) is not None), None)
             if param is not None:
@@ -535,6 +590,16 @@ class _Translator:
             entries.append(DictNode(items, where))
         space.put("plugins", at, ListNode(entries, at))
 
+    def _one_base(self) -> None:
+        """Give both costmaps the base frame of the local one: base_link and base_footprint of a planar robot are one frame."""
+        both = [self.root.space(name) for name in COSTMAP_NODES]
+        leaves = [space.leaf("robot_base_frame") for space in both if space is not None]
+        if len(leaves) == 2 and leaves[0] is not None and leaves[1] is not None and leaves[0].value != leaves[1].value:
+            one, other = leaves[0].value, leaves[1].value
+            message = f"robot_base_frame = {one} of global_costmap is taken as {other}, that of local_costmap: poses are planar"
+            self._add("info", "nav2-base-frame", leaves[0].at, "global_costmap/robot_base_frame", message)
+            leaves[0].node = self._node(other, leaves[0].node.at)
+
     def _layer_rows(self, block: Block) -> dict[str, Declared]:
         rows = dict(declared(block.scope, self.distro))
         if block.scope == "nav2_costmap_2d::StaticLayer":
@@ -664,6 +729,9 @@ class _Translator:
             own |= {"max_rotational_vel", "min_rotational_vel", "rotational_acc_lim"}
         shared = {n: r._replace(counterpart=r.counterpart.partition("/")[2]) for n, r in rows.items() if n in own}
         self._rows(node, "", shared, space)
+        slowest = space.leaf("min_rotational_vel")
+        if slowest is not None and isinstance(slowest.value, (int, float)) and slowest.value < 0.0:
+            self._put(space, "min_rotational_vel", 0.0, slowest.at)  # Nav2 takes a negative one as none
 
     def _node_section(self, name: str) -> None:
         """A node that navstack has with Nav2's keys."""
@@ -689,20 +757,25 @@ class _Translator:
                 rows = {n: r for n, r in declared(scope, self.distro).items() if block.prefix + n in node.params}
                 self._rows(node, block.prefix, rows, below)
 
-
     def _base_frame(self, node: RosNode) -> None:
         """Note that another base frame is taken as that of the costmap: poses are planar, so base_footprint is base_link."""
         frame, param = node.text("base_frame_id"), node.params.get("base_frame_id")
-        base = self.root.leaf("robot_base_frame") or (self.root.space("local_costmap") or self.root).leaf(
-            "robot_base_frame"
-        )
+        base = (self.root.space("local_costmap") or self.root).leaf("robot_base_frame")
         if frame is not None and param is not None and base is not None and base.value != frame:
             message = f"base_frame_id = {frame} is taken as {base.value}, robot_base_frame of the local costmap: poses are planar"
             self._add("info", "nav2-base-frame", param.at, node.key("base_frame_id"), message)
 
 
+_OMNI: Final = ("Omni", "omni")
+_SIDEWAYS: Final = ("vy_std", "ay_max", "ay_min")
 _LISTED: Final = 12
 """Keys that a message lists."""
+
+
+def _texts(node: Node) -> list[str]:
+    """The texts of a list."""
+    items = node.items if isinstance(node, ListNode) else []
+    return [item.value for item in items if isinstance(item, ScalarNode) and isinstance(item.value, str)]
 
 
 def _is_empty(node: Node) -> bool:
