@@ -123,7 +123,7 @@ COMMANDS: Final = {
         "explain",
         "Diagnose a run or a parameter set: goals, commands, cell costs, tracking, passages, inflation.",
     ),
-    "params": LazyCommand("params", "app", "Show, compare, document and migrate parameters."),
+    "params": LazyCommand("params", "app", "Show, compare, document, migrate and convert parameters."),
     "ros1": LazyCommand(
         "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl."
     ),

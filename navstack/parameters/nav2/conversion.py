@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
+from navstack.core import OutputError, ensure_directory, is_dir, write_text
 from navstack.parameters.nav2.declared import Type
 from navstack.parameters.report import Parameter
 from navstack.parameters.yaml_editor import value_text
@@ -61,8 +64,8 @@ class Conversion:
     """Name -> content."""
     params: tuple[str, ...] = ()
     """The files of those that navstack loads, in loading order."""
-    overrides: tuple[str, ...] = ()
-    """What the behavior tree of the conversion means to navstack, as KEY=VALUE."""
+    tree: str = ""
+    """The file with the behavior tree; empty without."""
 
     def of_kind(self, kind: Kind) -> list[Change]:
         """Return the changes of a kind."""
@@ -71,6 +74,29 @@ class Conversion:
     def counts(self) -> str:
         """Return the number of keys of each kind as text."""
         return ", ".join(f"{len(found)} {kind}" for kind in KINDS if (found := self.of_kind(kind)))
+
+    def save(self, folder: Path, *, force: bool = False) -> list[Path]:
+        """Write the files into a new folder, or replace those of their names with `force`; all of them or none.
+
+        Raise OutputError for a folder that is not empty.
+        """
+        if is_dir(folder) and any(folder.iterdir()) and not force:
+            raise OutputError(
+                f"--out {folder} is not empty; give a new folder, or replace {', '.join(self.files)} in it with --force",
+                path=str(folder),
+            )
+        ensure_directory(folder.parent)
+        with tempfile.TemporaryDirectory(prefix=".navstack-", dir=folder.parent) as name:
+            beside = Path(name)
+            for file, content in self.files.items():
+                write_text(beside / file, content)
+            ensure_directory(folder)
+            for file in self.files:
+                try:
+                    (beside / file).replace(folder / file)
+                except OSError as exc:
+                    raise OutputError(f"cannot write {folder / file}: {exc.strerror or exc}", path=str(folder)) from exc
+        return [folder / file for file in self.files]
 
     def markdown(self) -> str:
         """Return the report: a table for each kind of change."""

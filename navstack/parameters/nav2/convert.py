@@ -60,15 +60,6 @@ def check_distro(name: str) -> int:
     )
 
 
-def is_of_nav2(sources: Sequence[Source], overrides: Sequence[str] = ()) -> bool:
-    """Return True if the sources are parameter files of Nav2."""
-    read = read_sources(sources, overrides)
-    return bool(read.nav2) and not read.beside_move_base and not any(name in read.root.children for name in _OWN)
-
-
-_OWN: Final = ("TrajectoryPlannerROS", "DWAPlannerROS", "NavfnROS")
-
-
 def to_nav2(
     sources: Sequence[Source],
     distro: str,
@@ -221,7 +212,7 @@ class _Converter:
             made.files[NAVSTACK_FILE] = kept
             made.params = (PARAMS_FILE, NAVSTACK_FILE)
         made.files[REPORT_FILE] = made.markdown()
-        made.overrides = self._overrides(spec)
+        made.tree = TREE_FILE
         return made
 
     def _header(self) -> list[str]:
@@ -564,6 +555,10 @@ class _Converter:
                 self._path_keys(scope, section, id_)
         self.text(node, f"{prefix}plugin", scope, ["base_local_planner"])
         self.table(node, scope, section, prefix, skip=("critics", "motion_model", "primary_controller", *_PATH_HANDLER))
+        stops = f"{section}/RotateToGoal/xy_goal_tolerance"
+        if stops in self.params and f"{section}/xy_goal_tolerance" in self.params:
+            note = "of RotateToGoal, which reads it here"
+            self.put(node, scope, "xy_goal_tolerance", self.value(stops), [stops], prefix=prefix, kind="converted", note=note)
         for key in _PATH_HANDLER:
             source = f"{section}/{key}"
             if source in self.params and self.params[source].value is not None:
@@ -663,15 +658,9 @@ class _Converter:
         nearest_note = "" if scope else f"nearest to {self.value('base_global_planner')}"
         scope = scope or "nav2_navfn_planner::NavfnPlanner"
         rate = self.value("planner_frequency")
-        self.put(
-            node,
-            node,
-            "expected_planner_frequency",
-            rate or 1.0,
-            ["planner_frequency"] if rate else [],
-            kind="nearest",
-            note="only a warning when a plan takes longer; RateController in the tree sets the rate",
-        )
+        note = "only warns of slow plans; RateController in the tree sets the rate"
+        if rate:
+            self.put(node, node, "expected_planner_frequency", rate, kind="added", note=note)
         self.text(node, "planner_plugins", ["GridBased"])
         exported = exported_name("planner", scope, self.distro)
         self.text(node, f"{prefix}plugin", exported, ["base_global_planner"], nearest_note)
@@ -1006,7 +995,7 @@ class _Converter:
     def _kept(self) -> str:
         """The YAML of what is no part of Nav2, for navstack; empty without."""
         kept = [p for p in self.params.values() if p.name.partition("/")[0] in _KEPT or _is_filter(p.name)]
-        kept = [p for p in kept if p.origin is not None]
+        kept = [p for p in kept if p.origin is not None and p.name != "navstack/ros_distro"]  # a scale of DWA's weights
         self.used.update(p.name for p in self.params.values() if p.name.partition("/")[0] in _KEPT or _is_filter(p.name))
         for p in kept:
             self.changes.append(
@@ -1024,13 +1013,6 @@ class _Converter:
             last = p.name.rpartition("/")[2]
             loss = _LOSS.get(last) or f"lost: {p.info.description or last}"
             self.changes.append(Change("no counterpart", p.name, p.value, origin_of(p, "move_base"), "", None, loss))
-
-    def _overrides(self, spec: TreeSpec) -> tuple[str, ...]:
-        """What the tree of this conversion means to navstack."""
-        texts = [f"planner_frequency={spec.planner_frequency!r}"]
-        if not spec.attempts:
-            texts.append("recovery_behavior_enabled=false")
-        return tuple(texts)
 
 
 def _class_of(kind: Any, registry: Registry[Any], name: str, layer: Plugin[Any] | None = None) -> str:

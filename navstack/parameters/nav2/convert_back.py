@@ -7,6 +7,7 @@ recoveries. Other controllers stay: navstack's move_base runs them, ROS 1 has no
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,12 +19,13 @@ from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.findings import Location
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.nav2.conversion import Change, Conversion, Kind, origin_of
-from navstack.parameters.nav2.convert import FOREVER_S, REPORT_FILE, TREE_FILE
+from navstack.parameters.nav2.convert import FOREVER_S, REPORT_FILE
 from navstack.parameters.nav2.declared import DISTROS
 from navstack.parameters.nav2.document import Nodes, read_nodes
 from navstack.parameters.nav2.tree_xml import TreeRecovery, TreeSpec, default_tree, read_tree
 from navstack.parameters.report import Parameter, as_yaml, parameters_of
 from navstack.parameters.sources import Source, read_sources
+from navstack.parameters.yaml_editor import value_text
 from navstack.plugins import LOCAL_PLANNERS, RECOVERY_BEHAVIORS
 
 MOVE_BASE_FILE: Final = "move_base_params.yaml"
@@ -76,7 +78,7 @@ def to_move_base(
     """
     names = tuple(str(s) for s in sources)
     read = read_sources(sources, overrides, distro=distro)
-    if read.translation is None and not read.nav2:
+    if not read.nav2 and not any(f.severity == "error" for f in read.findings):
         raise InputError(
             f"{' '.join(names)} is of move_base already; convert to Nav2 with --to nav2, or write it with current names with "
             "`navstack params migrate`",
@@ -84,7 +86,7 @@ def to_move_base(
             value=" ".join(names),
         )
     configuration = load_configuration(sources, overrides=overrides, distro=distro, allow_missing=allow_missing)
-    assert read.translation is not None
+    assert read.translation is not None  # otherwise loading fails
     index = DISTROS.index(read.translation.distro)
     nodes = read_nodes(read.nav2, read.arguments, [])
     return _Converter(configuration, index, nodes, names).run()
@@ -121,6 +123,8 @@ class _Converter:
             if any(name.startswith(f"{s}/") for s in sections):
                 continue
             self._copy(name)
+            if name.endswith("/unknown_cost_value") and p.value == 255:
+                self.out[name] = replace(self.out[name], value=-1)  # a signed byte in ROS 1
         for name, p in self.params.items():
             written = p.origin is not None and bool(p.origin.line)
             if written and name not in self.used and any(name.startswith(f"{s}/") for s in sections[len(self.c.recoveries) :]):
@@ -232,33 +236,21 @@ class _Converter:
         return default_tree(self.distro), f"default tree of {self.program}"
 
     def _tree(self, spec: TreeSpec, at: str) -> None:
-        def put(name: str, value: Any, kind: Kind, source: str, note: str = "") -> None:
+        notes = {
+            "planner_frequency": "" if spec.planner_frequency else "the tree does not replan",
+            "max_planning_retries": "retries do not clear the costmap",
+            "recovery_behavior_enabled": "the tree has no recovery",
+            "recovery_behaviors": "the rounds of number_of_retries written out",
+        }
+        made = tree_values(spec)
+        for name, value in made.items():
+            note = notes.get(name, "")
             info = MoveBaseParams.model_fields.get(name)
-            comment = f"{at}; {note}" if note else at
-            self.out[name] = Parameter(name, value, Location(comment), info or FieldInfo())
-            self.made.changes.append(Change(kind, source, value, at, name, value, note))
-
-        kind: Kind = "carried over" if spec.planner_frequency else "converted"
-        put("planner_frequency", spec.planner_frequency, kind, "RateController hz")
-        put("max_planning_retries", spec.planning_retries, "nearest", "RecoveryNode number_of_retries", "retries do not clear the costmap")
-        if not spec.attempts or not spec.recoveries:
-            put("recovery_behavior_enabled", False, "converted", "RecoveryNode", "the tree has no recovery")
-            return
-        entries: list[dict[str, str]] = []
-        sections: dict[str, Mapping[str, Any]] = {}
-        count = min(spec.attempts, 20)
-        for number in range(count):
-            recovery = spec.recoveries[number % len(spec.recoveries)]
-            name = _section_name(recovery.name, number // len(spec.recoveries))
-            type_, values = _behavior(recovery)
-            entries.append({"name": name, "type": type_})
-            sections[name] = values
-        put("recovery_behaviors", entries, "converted", "RecoveryActions", "the rounds of number_of_retries written out")
-        for name, values in sections.items():
-            for key, value in values.items():
-                put(f"{name}/{key}", value, "carried over", f"{TREE_FILE} {name}")
-            spec_of = next(e for e in entries if e["name"] == name)
-            self._behavior_keys(name, spec_of["type"])
+            self.out[name] = Parameter(name, value, Location(f"{at}; {note}" if note else at), info or FieldInfo())
+            kind: Kind = "nearest" if name == "max_planning_retries" else "converted" if note else "carried over"
+            self.made.changes.append(Change(kind, f"tree: {_IN_TREE.get(name, name)}", value, at, name, value, note))
+        for entry in made.get("recovery_behaviors", ()):
+            self._behavior_keys(entry["name"], entry["type"])
 
     def _behavior_keys(self, name: str, type_: str) -> None:
         """What the behavior server sets for all of a kind."""
@@ -274,12 +266,47 @@ class _Converter:
             return
 
 
+_IN_TREE: Final[Mapping[str, str]] = {
+    "planner_frequency": "RateController hz",
+    "max_planning_retries": "RecoveryNode number_of_retries of ComputePathToPose",
+    "recovery_behavior_enabled": "RecoveryNode",
+    "recovery_behaviors": "RecoveryActions",
+}
+MAX_RECOVERIES: Final = 20
+
+
+def tree_values(spec: TreeSpec, *, ros1: bool = True) -> dict[str, Any]:
+    """Return the parameters of move_base that a tree stands for, by full name; without `ros1`, Spin stays Nav2's."""
+    made: dict[str, Any] = {"planner_frequency": spec.planner_frequency, "max_planning_retries": spec.planning_retries}
+    if not spec.attempts or not spec.recoveries:
+        return {**made, "recovery_behavior_enabled": False}
+    entries: list[dict[str, str]] = []
+    below: dict[str, Any] = {}
+    for number in range(min(spec.attempts, MAX_RECOVERIES)):
+        recovery = spec.recoveries[number % len(spec.recoveries)]
+        name = _section_name(recovery.name, number // len(spec.recoveries))
+        type_, values = _behavior(recovery, ros1=ros1)
+        entries.append({"name": name, "type": type_})
+        below.update({f"{name}/{key}": value for key, value in values.items()})
+    return {**made, "recovery_behaviors": entries, **below}
+
+
+def tree_yaml(file: Path, distro: str) -> str:
+    """Return what a tree means to navstack, as YAML to load after the parameters of Nav2. Raises OSError."""
+    spec = read_tree(file) or default_tree(DISTROS.index(distro))
+    root: dict[str, Any] = {}
+    for name, value in tree_values(spec, ros1=False).items():
+        section, _, last = name.rpartition("/")
+        (root.setdefault(section, {}) if section else root)[last] = value
+    return "".join(f"{key}: {value_text(value)}\n" for key, value in root.items())
+
+
 def _section_name(name: str, again: int) -> str:
     bare = "".join(c if c.isalnum() or c == "_" else "_" for c in name)
     return f"{bare}_{again + 1}" if again else bare
 
 
-def _behavior(recovery: TreeRecovery) -> tuple[str, dict[str, Any]]:
+def _behavior(recovery: TreeRecovery, *, ros1: bool) -> tuple[str, dict[str, Any]]:
     """Type and parameters of a recovery of move_base that does what nodes of a tree do."""
     tag, ports = recovery.nodes[0]
 
@@ -304,7 +331,7 @@ def _behavior(recovery: TreeRecovery) -> tuple[str, dict[str, Any]]:
         "DriveOnHeading": (("dist_to_travel", 0.15), ("speed", 0.025), ("time_allowance", 10.0)),
         "Wait": (("wait_duration", 1.0),),
     }[tag]
-    if tag == "Spin" and number("spin_dist", 1.57) >= FULL_TURN_AT_LEAST:
+    if ros1 and tag == "Spin" and number("spin_dist", 1.57) >= FULL_TURN_AT_LEAST:
         return "rotate_recovery/RotateRecovery", {}
     return f"nav2_behaviors/{tag}", {k: number(k, d) for k, d in keys}
 
