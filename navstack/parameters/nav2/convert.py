@@ -44,8 +44,10 @@ NAVSTACK_FILE: Final = "navstack.yaml"
 REPORT_FILE: Final = "conversion.md"
 FOREVER_S: Final = 1e6
 """A time that no goal lasts, for limits that move_base switches off."""
-UNLIMITED_ACCELERATION: Final = 100.0
-"""m/s², rad/s²: more than any base has."""
+_ACCELERATIONS: Final = (("acc_lim_x", "ax_max", "max_linear_accel"), ("acc_lim_y", "ay_max"), ("acc_lim_theta", "az_max", "max_angular_accel"))
+_DECELERATIONS: Final = (("decel_lim_x", "ax_min", "max_linear_decel"), ("decel_lim_y", "ay_min"), ("decel_lim_theta", "max_angular_decel"))
+_BASE: Final = (2.5, 2.5, 3.2)
+"""m/s², rad/s²: accelerations of nav2_bringup, for a controller without limits."""
 _SPIN_TIME_S: Final = 60.0
 
 
@@ -117,6 +119,7 @@ _LOSS: Final[Mapping[str, str]] = {
     "scaling_speed": "the footprint does not grow with the speed",
     "shutdown_costmaps": "Nav2 updates its costmaps while no goal is active, too: more load",
     "transform_tolerance": "Nav2 takes that of the costmap",
+    "theta_stopped_vel": "with min_vel_theta not below it, DWB could never stop: the goal is reached at any turning speed",
     "visualize_potential": "Nav2 does not publish the potential",
     "width": "a static map sets the size",
 }
@@ -158,6 +161,7 @@ _ROLLOUT: Final = (
     _Row("prune_plan", "prune_plan", "nearest", None, "drops poses by distance from the robot; move_base, poses that it has passed"),
     _Row("min_speed_theta", "min_in_place_vel_theta", "nearest", None, "applies below min_speed_xy"),
 )
+_TURN: Final = "path and goal scale together: the turn at the goal outweighs the distances, as in move_base"
 _DECELERATION: Final = tuple(
     _Row(f"decel_lim_{a}", f"acc_lim_{a}", "converted", lambda v: -v, f"-acc_lim_{a}; 0, the default of DWB, cannot brake")
     for a in ("x", "y", "theta")
@@ -419,7 +423,11 @@ class _Converter:
 
     def _dwa(self, section: str) -> None:
         node, scope = "controller_server", "dwb_core::DWBLocalPlanner"
-        self._checker(section, stopped=("trans_stopped_vel", "theta_stopped_vel"))
+        slow = all(
+            self.value(f"{section}/{least}") < self.value(f"{section}/{stopped}")
+            for least, stopped in (("min_vel_theta", "theta_stopped_vel"), ("min_vel_trans", "trans_stopped_vel"))
+        )  # otherwise DWB has no sample that counts as stopped, and the goal would never be reached
+        self._checker(section, stopped=("trans_stopped_vel", "theta_stopped_vel") if slow else None)
         indigo = self.c.navstack.ros_distro == "indigo"
         resolution = self.c.local_costmap.params.resolution
         factor, formula = (1.0, "= bias, as before 2018") if indigo else (2.0, "2 · bias, DWB halves it")
@@ -428,7 +436,7 @@ class _Converter:
         obstacle = self.value(f"{section}/occdist_scale") * (resolution if indigo else 1.0)
         scaled: Kind = "carried over" if factor == 1.0 else "converted"
         critics: dict[str, tuple[float, str, str, Kind]] = {
-            "RotateToGoal": (1.0, "", "stops and turns at the goal, as move_base", "added"),
+            "RotateToGoal": (path + goal, "", _TURN, "added"),
             "Oscillation": (1.0, "", "no score, only forbids", "added"),
             "ObstacleFootprint": (
                 obstacle,
@@ -491,7 +499,7 @@ class _Converter:
         obstacle = self.value(f"{section}/occdist_scale") * (resolution if meters and indigo else 1.0)
         path, goal = (factor * self.value(f"{section}/{n}_distance_bias") for n in ("path", "goal"))
         critics: dict[str, tuple[float, str, str, Kind]] = {
-            "RotateToGoal": (1.0, "", "stops and turns at the goal, as move_base", "added"),
+            "RotateToGoal": (path + goal, "", _TURN, "added"),
             "Oscillation": (1.0, "", "no score, only forbids", "added"),
             "ObstacleFootprint": (obstacle, "occdist_scale", "", "carried over"),
             "PathDist": (path, "path_distance_bias", formula, "converted"),
@@ -960,9 +968,9 @@ class _Converter:
         self.put(node, scope, "max_velocity", [forward, left, turn], kind="added", note=note)
         backward = min(backward, *(-abs(self.value(n)) for n in self.params if n.endswith("/backup_speed")), 0.0)
         self.put(node, scope, "min_velocity", [backward, right, -turn], kind="added", note=note)
-        free = "does not limit; lower it to smooth"
-        self.put(node, scope, "max_accel", [UNLIMITED_ACCELERATION] * 3, kind="added", note=free)
-        self.put(node, scope, "max_decel", [-UNLIMITED_ACCELERATION] * 3, kind="added", note=free)
+        up, down = _accelerations(p)
+        self.put(node, scope, "max_accel", up, kind="added", note=note)
+        self.put(node, scope, "max_decel", down, kind="added", note=note)
 
     def _passing_monitor(self) -> None:
         """A monitor that lets every command pass: one that has no polygon and no source does not start."""
@@ -1087,3 +1095,12 @@ def _limits(params: Any) -> tuple[float, float, float, float, float]:
     return forward, backward, left, -left, turn
 
 
+def _accelerations(params: Any) -> tuple[list[float], list[float]]:
+    """Largest accelerations and decelerations (negative) of a controller along x, y and in a turn."""
+
+    def of(names: Sequence[str], default: float) -> float:
+        return next((float(v) for n in names if (v := getattr(params, n, None)) is not None), default)
+
+    up = [of(names, default) or default for names, default in zip(_ACCELERATIONS, _BASE)]
+    down = [of(names, -limit) or -limit for names, limit in zip(_DECELERATIONS, up)]
+    return up, down

@@ -59,7 +59,7 @@ _RENAMED: Final[Mapping[str, str]] = {
     "xy_goal_tolerance": "goal_checker/xy_goal_tolerance",
     "yaw_goal_tolerance": "goal_checker/yaw_goal_tolerance",
     "latch_xy_goal_tolerance": "goal_checker/stateful",
-    "trans_stopped_vel": "goal_checker/trans_stopped_velocity",
+    "trans_stopped_vel": "trans_stopped_velocity",
     "theta_stopped_vel": "goal_checker/rot_stopped_velocity",
 }
 """Key of DWA -> key below DWB's section."""
