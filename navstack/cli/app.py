@@ -207,6 +207,11 @@ EXPLAIN_COMMANDS: Final = {
         "inflation",
         "Print cost against distance to the nearest obstacle for both costmaps of a parameter set.",
     ),
+    "migration": LazyCommand(
+        "explain.migration",
+        "migration",
+        "List what a move_base robot must change for Nav2, each with its place in the robot's files and what to do.",
+    ),
     "costmap": LazyCommand(
         "explain.costmap", "costmap", "Draw a costmap of a run at a given time, with its cost bands."
     ),

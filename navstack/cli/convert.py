@@ -30,14 +30,18 @@ class Verification(NamedTuple):
         bool, typer.Option("--verify", help="Drive a suite with both, and print what differs beyond the noise.")
     ] = False
     suite: Annotated[
-        str, typer.Option("--suite", metavar="NAME", help="Suite for --verify: office, narrow, crowd, warehouse or shipped.")
+        str,
+        typer.Option(
+            "--suite", metavar="NAME", help="Suite for --verify: office, narrow, crowd, warehouse or shipped."
+        ),
     ] = SUITE
-    count: Annotated[
+    scenarios: Annotated[
         int | None, typer.Option("--count", metavar="N", min=1, help="Number of scenarios of the suite.")
     ] = None
     seeds: Annotated[int, typer.Option("--seeds", metavar="N", min=1, help="Runs per scenario and side.")] = 1
     processes: Annotated[
-        int | None, typer.Option("--processes", metavar="N", min=1, help="Number of parallel runs; all cores by default.")
+        int | None,
+        typer.Option("--processes", metavar="N", min=1, help="Number of parallel runs; all cores by default."),
     ] = None
 
 
@@ -57,7 +61,9 @@ def convert(
             help="Distribution of Nav2: foxy to lyrical. [default: to nav2: jazzy; to move_base: found from the keys]",
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the files of an earlier conversion in --out.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the files of an earlier conversion in --out.")
+    ] = False,
     set_: options.Set = [],
     allow_missing: options.AllowMissing = False,
     json_: options.Json = False,
@@ -119,13 +125,17 @@ def _verify(
             "A": ParameterSet(tuple(for_workers(p) for p in params), tuple(set_)),
             "B": ParameterSet(tuple(written)),
         }
-        task = CompareTask(sets, tuple(read_scenarios([], wanted.suite, wanted.count)), wanted.seeds)
+        task = CompareTask(sets, tuple(read_scenarios([], wanted.suite, wanted.scenarios)), wanted.seeds)
         code, report = BenchOutput(json_=json_).reported(task, processes=wanted.processes)
     rows: list[dict[str, Any]] = list(report.document["measures"].rows)
     changed = [f"{row['measure']} ({row['verdict']})" for row in rows if row["difference"].shown]
+    failed = sum(run["A"]["success"] and not run["B"]["success"] for run in report.document["runs"])
+    if failed:
+        print_note(
+            f"the converted robot fails in {failed} of {len(report.document['runs'])} drives in which the original succeeds"
+        )
     if changed:
         print_note(f"the conversion changes the drive beyond the noise: {'; '.join(changed)}")
-    else:
+    elif not failed:
         print_note("no measure of the drive differs beyond the noise")
     return code
-

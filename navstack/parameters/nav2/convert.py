@@ -14,13 +14,11 @@ from typing import Any, Final, NamedTuple
 from navstack.core import InputError
 from navstack.parameters.configuration import load_configuration, parse_footprint
 from navstack.parameters.configuration_types import Configuration, CostmapConfiguration
-from navstack.parameters.findings import Finding
 from navstack.parameters.nav2.conversion import Change, Conversion, Item, Kind, nav2_yaml, origin_of, typed
 from navstack.parameters.nav2.declared import (
     CLASSES,
     DISTROS,
     FOXY,
-    GALACTIC,
     HUMBLE,
     IRON,
     JAZZY,
@@ -44,8 +42,16 @@ NAVSTACK_FILE: Final = "navstack.yaml"
 REPORT_FILE: Final = "conversion.md"
 FOREVER_S: Final = 1e6
 """A time that no goal lasts, for limits that move_base switches off."""
-_ACCELERATIONS: Final = (("acc_lim_x", "ax_max", "max_linear_accel"), ("acc_lim_y", "ay_max"), ("acc_lim_theta", "az_max", "max_angular_accel"))
-_DECELERATIONS: Final = (("decel_lim_x", "ax_min", "max_linear_decel"), ("decel_lim_y", "ay_min"), ("decel_lim_theta", "max_angular_decel"))
+_ACCELERATIONS: Final = (
+    ("acc_lim_x", "ax_max", "max_linear_accel"),
+    ("acc_lim_y", "ay_max"),
+    ("acc_lim_theta", "az_max", "max_angular_accel"),
+)
+_DECELERATIONS: Final = (
+    ("decel_lim_x", "ax_min", "max_linear_decel"),
+    ("decel_lim_y", "ay_min"),
+    ("decel_lim_theta", "max_angular_decel"),
+)
 _BASE: Final = (2.5, 2.5, 3.2)
 """m/s², rad/s²: accelerations of nav2_bringup, for a controller without limits."""
 _SPIN_TIME_S: Final = 60.0
@@ -79,7 +85,8 @@ def to_nav2(
     names = tuple(str(s) for s in sources)
     if read_sources(sources, overrides).translation is not None:
         raise InputError(
-            f"{' '.join(names)} is of Nav2 already; convert to move_base with --to move_base, or name the files of move_base",
+            f"{' '.join(names)} is of Nav2 already; name the files of move_base, or convert back with "
+            "`navstack params convert --to move_base`",
             argument="PARAMS",
             value=" ".join(names),
         )
@@ -133,7 +140,7 @@ class _Row(NamedTuple):
     target: str
     source: str
     kind: Kind = "carried over"
-    value: Callable[[Any], Any] | None = None
+    value: Callable[[float], float] | None = None
     note: str = ""
 
 
@@ -141,16 +148,32 @@ def _same(names: str) -> tuple[_Row, ...]:
     return tuple(_Row(n, n) for n in names.split())
 
 
+def _at_least_one(value: float) -> float:
+    return max(1, value)
+
+
+def _negated(value: float) -> float:
+    return -value
+
+
 _DWA: Final = (
-    *_same("min_vel_x max_vel_x min_vel_y max_vel_y max_vel_theta acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"),
-    _Row("vy_samples", "vy_samples", "carried over", lambda v: max(1, v), "0 counts as 1"),
+    *_same(
+        "min_vel_x max_vel_x min_vel_y max_vel_y max_vel_theta acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"
+    ),
+    _Row("vy_samples", "vy_samples", "carried over", _at_least_one, "0 counts as 1"),
     _Row("max_speed_xy", "max_vel_trans"),
     _Row("min_speed_xy", "min_vel_trans"),
     _Row("min_speed_theta", "min_vel_theta"),
     _Row("vtheta_samples", "vth_samples"),
     _Row("linear_granularity", "sim_granularity"),
     _Row("angular_granularity", "angular_sim_granularity"),
-    _Row("prune_plan", "prune_plan", "nearest", None, "drops poses by distance from the robot; move_base, poses that it has passed"),
+    _Row(
+        "prune_plan",
+        "prune_plan",
+        "nearest",
+        None,
+        "drops poses by distance from the robot; move_base, poses that it has passed",
+    ),
     _Row("publish_cost_grid_pc", "publish_cost_grid_pc"),
     _Row("publish_trajectories", "publish_traj_pc", "nearest", None, "MarkerArray instead of a point cloud"),
 )
@@ -158,12 +181,24 @@ _ROLLOUT: Final = (
     *_same("min_vel_x max_vel_x acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples vtheta_samples"),
     _Row("linear_granularity", "sim_granularity"),
     _Row("angular_granularity", "angular_sim_granularity"),
-    _Row("prune_plan", "prune_plan", "nearest", None, "drops poses by distance from the robot; move_base, poses that it has passed"),
+    _Row(
+        "prune_plan",
+        "prune_plan",
+        "nearest",
+        None,
+        "drops poses by distance from the robot; move_base, poses that it has passed",
+    ),
     _Row("min_speed_theta", "min_in_place_vel_theta", "nearest", None, "applies below min_speed_xy"),
 )
 _TURN: Final = "path and goal scale together: the turn at the goal outweighs the distances, as in move_base"
 _DECELERATION: Final = tuple(
-    _Row(f"decel_lim_{a}", f"acc_lim_{a}", "converted", lambda v: -v, f"-acc_lim_{a}; 0, the default of DWB, cannot brake")
+    _Row(
+        f"decel_lim_{a}",
+        f"acc_lim_{a}",
+        "converted",
+        _negated,
+        f"-acc_lim_{a}; 0, the default of DWB, cannot brake",
+    )
     for a in ("x", "y", "theta")
 )
 _PATH_HANDLER: Final = (
@@ -225,7 +260,9 @@ class _Converter:
             "comments: source of each value; values that are not written are the same defaults in both",
         ]
         if self.distro >= KILTED:
-            header.append("velocity topics are TwistStamped: set enable_stamped_cmd_vel to false for a base that takes Twist")
+            header.append(
+                "velocity topics are TwistStamped: set enable_stamped_cmd_vel to false for a base that takes Twist"
+            )
         return header
 
     # --- helpers ------------------------------------------------------------------------------------------------------
@@ -317,7 +354,9 @@ class _Converter:
         node = "controller_server"
         self.put(node, node, "controller_frequency", self.value("controller_frequency"), ["controller_frequency"])
         patience = "without a valid command; Nav2 aborts FollowPath then, and the tree recovers"
-        self.put(node, node, "failure_tolerance", self.value("controller_patience"), ["controller_patience"], note=patience)
+        self.put(
+            node, node, "failure_tolerance", self.value("controller_patience"), ["controller_patience"], note=patience
+        )
         self._progress_checker()
         local = self.c.local_planner
         nav2 = _class_of("controller", LOCAL_PLANNERS, local.name)
@@ -334,7 +373,6 @@ class _Converter:
     def _progress_checker(self) -> None:
         node = "controller_server"
         plural = self.distro >= IRON
-        listed = self.params.get("progress_checker_plugins")
         sections = self.c.move_base.sections
         key = "progress_checker_plugins" if plural else "progress_checker_plugin"
         for name, params in sections.items():
@@ -343,7 +381,6 @@ class _Converter:
             self.text(node, f"{name}.plugin", kind, [f"{name}/plugin"])
             self.table(node, kind, name, f"{name}.")
             return
-        del listed
         name, scope = "progress_checker", "nav2_controller::SimpleProgressChecker"
         self.text(node, key, [name] if plural else name)
         self.text(node, f"{name}.plugin", scope)
@@ -386,25 +423,46 @@ class _Converter:
             for target, source in zip(("trans_stopped_velocity", "rot_stopped_velocity"), stopped):
                 self.put(node, scope, target, self.value(f"{section}/{source}"), [f"{section}/{source}"], prefix=prefix)
 
-    def _dwb(self, section: str, critics: Mapping[str, tuple[float, str, str, Kind]], *, limited: bool, why: str) -> str:
+    def _dwb(
+        self, section: str, critics: Mapping[str, tuple[float, str, str, Kind]], *, limited: bool, why: str
+    ) -> str:
         """DWB with critics: name -> scale, source, formula; return the beginning of its keys."""
         node, scope, prefix = "controller_server", "dwb_core::DWBLocalPlanner", "FollowPath."
-        self.text(node, f"{prefix}plugin", scope, ["base_local_planner"], f"nearest to {self.value('base_local_planner')}")
+        self.text(
+            node, f"{prefix}plugin", scope, ["base_local_planner"], f"nearest to {self.value('base_local_planner')}"
+        )
         generator = f"dwb_plugins::{'LimitedAccel' if limited else 'Standard'}Generator"
         generator = generator.replace("StandardGenerator", "StandardTrajectoryGenerator")
-        self.put(node, scope, "trajectory_generator_name", generator, [why], prefix=prefix, kind="converted", note=f"{why.rpartition('/')[2]}")
+        self.put(
+            node,
+            scope,
+            "trajectory_generator_name",
+            generator,
+            [why],
+            prefix=prefix,
+            kind="converted",
+            note=f"{why.rpartition('/')[2]}",
+        )
         self.rows(node, scope, section, prefix, _DECELERATION)
         side = 0.5 * max(self.c.local_costmap.params.width, self.c.local_costmap.params.height)
         self._plan_window(section, side)
-        self.put(node, scope, "critics", list(critics), prefix=prefix, kind="added", note="the terms of move_base's score")
+        self.put(
+            node, scope, "critics", list(critics), prefix=prefix, kind="added", note="the terms of move_base's score"
+        )
         for name, (scale, source, note, kind) in critics.items():
             critic = f"dwb_critics::{name}Critic"
             sources = [f"{section}/{source}"] if source else []
             self.put(node, critic, "scale", scale, sources, prefix=f"{prefix}{name}.", kind=kind, note=note)
         tolerance = f"{section}/xy_goal_tolerance"
-        for name in ("RotateToGoal",):
-            del name
-            self.put(node, scope, "xy_goal_tolerance", self.value(tolerance), [tolerance], prefix=prefix, note="for RotateToGoal")
+        self.put(
+            node,
+            scope,
+            "xy_goal_tolerance",
+            self.value(tolerance),
+            [tolerance],
+            prefix=prefix,
+            note="for RotateToGoal",
+        )
         return prefix
 
     def _plan_window(self, section: str, side: float) -> None:
@@ -460,7 +518,15 @@ class _Converter:
             self.put(node, scope, "sim_period", period, [frequency], prefix=prefix, kind="converted", note=note)
         self.used.add(frequency)
         stopped = f"{section}/trans_stopped_vel"
-        self.put(node, scope, "trans_stopped_velocity", self.value(stopped), [stopped], prefix=prefix, note="for RotateToGoal")
+        self.put(
+            node,
+            scope,
+            "trans_stopped_velocity",
+            self.value(stopped),
+            [stopped],
+            prefix=prefix,
+            note="for RotateToGoal",
+        )
         for critic in ("GoalAlign", "PathAlign"):
             ahead = f"{section}/forward_point_distance"
             self.put(
@@ -474,7 +540,12 @@ class _Converter:
         for key in ("oscillation_reset_dist", "oscillation_reset_angle"):
             source = f"{section}/{key}"
             self.put(
-                node, "dwb_critics::OscillationCritic", key, self.value(source), [source], prefix=f"{prefix}Oscillation."
+                node,
+                "dwb_critics::OscillationCritic",
+                key,
+                self.value(source),
+                [source],
+                prefix=f"{prefix}Oscillation.",
             )
         total = f"{section}/sum_scores"
         self.put(
@@ -513,7 +584,14 @@ class _Converter:
         same = self.value(turns[0]) == -self.value(turns[1])
         note = "one limit for both directions" + ("" if same else ": the larger one")
         self.put(
-            node, scope, "max_vel_theta", fastest, turns, prefix=prefix, kind="converted" if same else "nearest", note=note
+            node,
+            scope,
+            "max_vel_theta",
+            fastest,
+            turns,
+            prefix=prefix,
+            kind="converted" if same else "nearest",
+            note=note,
         )
         self.put(
             node,
@@ -531,7 +609,9 @@ class _Converter:
         samples = len(set(speeds)) + 1 if speeds else 1
         self.put(node, scope, "max_vel_y", limit, sideways, prefix=prefix, kind="converted", note="largest of y_vels")
         self.put(node, scope, "min_vel_y", -limit, sideways, prefix=prefix, kind="converted", note="-largest of y_vels")
-        self.put(node, scope, "vy_samples", samples, sideways, prefix=prefix, kind="converted", note="number of y_vels and 0")
+        self.put(
+            node, scope, "vy_samples", samples, sideways, prefix=prefix, kind="converted", note="number of y_vels and 0"
+        )
         reset = f"{section}/oscillation_reset_dist"
         self.put(
             node,
@@ -566,7 +646,9 @@ class _Converter:
         stops = f"{section}/RotateToGoal/xy_goal_tolerance"
         if stops in self.params and f"{section}/xy_goal_tolerance" in self.params:
             note = "of RotateToGoal, which reads it here"
-            self.put(node, scope, "xy_goal_tolerance", self.value(stops), [stops], prefix=prefix, kind="converted", note=note)
+            self.put(
+                node, scope, "xy_goal_tolerance", self.value(stops), [stops], prefix=prefix, kind="converted", note=note
+            )
         for key in _PATH_HANDLER:
             source = f"{section}/{key}"
             if source in self.params and self.params[source].value is not None:
@@ -598,9 +680,18 @@ class _Converter:
         model = self.params.get(f"{section}/{written}/plugin")
         kind = str(model.value) if model is not None else written
         old = next((m for m in ("Ackermann", "Omni") if m.lower() in kind.lower()), "DiffDrive")
-        radius = next((n for n in (f"{section}/{written}/min_turning_r", f"{section}/AckermannConstraints/min_turning_r") if n in self.params), None)
+        radius = next(
+            (
+                n
+                for n in (f"{section}/{written}/min_turning_r", f"{section}/AckermannConstraints/min_turning_r")
+                if n in self.params
+            ),
+            None,
+        )
         if self.distro < LYRICAL:
-            self.put(node, scope, "motion_model", old, [source], prefix=prefix, kind="converted", note="name up to Kilted")
+            self.put(
+                node, scope, "motion_model", old, [source], prefix=prefix, kind="converted", note="name up to Kilted"
+            )
             if old == "Ackermann" and radius is not None:
                 key = "AckermannConstraints.min_turning_r"
                 self.put(node, scope, key, self.value(radius), [radius], prefix=prefix)
@@ -617,11 +708,11 @@ class _Converter:
         source = f"{section}/critics"
         if source not in self.params or "critics" not in declared(scope, self.distro):
             return
-        listed = self.value(source)
-        names = [c["type"].rpartition("::")[2] if isinstance(c, dict) else c for c in listed or ()]
+        listed: list[Any] = self.value(source) or []
+        names = [c["type"].rpartition("::")[2] if isinstance(c, dict) else c for c in listed]
         node, prefix = "controller_server", "FollowPath."
         self.put(node, scope, "critics", names, [source], prefix=prefix)
-        for entry, name in zip(listed or (), names):
+        for entry, name in zip(listed, names):
             own = entry["name"] if isinstance(entry, dict) else entry
             written = self.params.get(f"{section}/{own}/class")
             if scope.startswith("dwb_core"):
@@ -697,7 +788,9 @@ class _Converter:
         if not scope:
             return
         id_ = smoother.namespace.rpartition("/")[2]
-        self.text("smoother_server", "smoother_plugins", [id_], ["base_smoother"], "add SmoothPath to the tree to use it")
+        self.text(
+            "smoother_server", "smoother_plugins", [id_], ["base_smoother"], "add SmoothPath to the tree to use it"
+        )
         self.text("smoother_server", f"{id_}.plugin", scope)
         self.table("smoother_server", scope, smoother.namespace, f"{id_}.")
 
@@ -726,10 +819,8 @@ class _Converter:
                 layers.append((layer.name, nav2, layer))
             else:
                 note = f"{self.program} has no such layer"
-                source = f"{name}/plugins"
                 self.changes.append(Change("no counterpart", f"{layer.namespace}", _type_of(layer), "", "", None, note))
                 self.used.update(n for n in self.params if n.startswith(f"{layer.namespace}/"))
-                del source
         self.text(node, "plugins", [id_ for id_, _, _ in layers], [f"{name}/plugins"])
         for id_, nav2, layer in layers:
             self.text(node, f"{id_}.plugin", nav2)
@@ -779,11 +870,8 @@ class _Converter:
 
     def _tree(self) -> TreeSpec:
         """The tree, with the changes of its parameters."""
-        recoveries: list[TreeRecovery] = []
         m = self.c.move_base
-        enabled = m.recovery_behavior_enabled
-        for plugin in self.c.recoveries if enabled else ():
-            recoveries.append(self._recovery(plugin))
+        recoveries = [self._recovery(plugin) for plugin in (self.c.recoveries if m.recovery_behavior_enabled else ())]
         rate = m.planner_frequency
         hz = "RateController hz" if rate else "GoalUpdatedController" if self.distro > FOXY else "Sequence"
         note = "in the tree" if rate else "no replanning: plans for each goal, and after a recovery"
@@ -792,7 +880,9 @@ class _Converter:
         note = "each failure clears the global costmap"
         if m.max_planning_retries < 0:
             note = "Nav2 counts failures; move_base tries for planner_patience"
-        self._in_tree("max_planning_retries", "RecoveryNode number_of_retries of ComputePathToPose", retries, "nearest", note)
+        self._in_tree(
+            "max_planning_retries", "RecoveryNode number_of_retries of ComputePathToPose", retries, "nearest", note
+        )
         attempts = len(recoveries)
         note = "the list is run in turn; Nav2 counts the recoveries of a goal, move_base those since the last valid command"
         self._in_tree("recovery_behaviors", "RecoveryActions", [r.name for r in recoveries], "nearest", note)
@@ -806,10 +896,11 @@ class _Converter:
         )
 
     def _recovery(self, plugin: Plugin[Any]) -> TreeRecovery:
-        kind = RECOVERY_BEHAVIORS.get(plugin.name).name if plugin.name in RECOVERY_BEHAVIORS else ""
-        kind = kind or plugin.cls.__name__
         section, name = plugin.namespace, plugin.name
-        own = lambda key: self.params[f"{section}/{key}"]  # noqa: E731
+
+        def own(key: str) -> Parameter:
+            return self.params[f"{section}/{key}"]
+
         registered = _registered(plugin)
 
         def note(key: str, target: str, value: Any, of: Kind = "carried over", text: str = "") -> None:
@@ -822,7 +913,9 @@ class _Converter:
         match registered:
             case "clear_costmap_recovery":
                 inside, distance = bool(own("invert_area_to_clear").value), float(own("reset_distance").value)
-                maps = {"both": COSTMAPS[::-1], "local": COSTMAPS[1:], "global": COSTMAPS[:1]}[own("affected_maps").value]
+                maps = {"both": COSTMAPS[::-1], "local": COSTMAPS[1:], "global": COSTMAPS[:1]}[
+                    own("affected_maps").value
+                ]
                 nodes = tuple(clear(costmap, distance, inside, self.distro) for costmap in maps)
                 if self.distro == FOXY:
                     note("reset_distance", "ClearEntireCostmap", None, "nearest", "Foxy clears the whole costmap")
@@ -882,7 +975,13 @@ class _Converter:
         self._base_frame(node, scope)
         found: dict[str, list[str]] = {}
         for plugin in self.c.recoveries:
-            for name in ("simulate_ahead_time", "cycle_frequency", "max_rotational_vel", "min_rotational_vel", "rotational_acc_lim"):
+            for name in (
+                "simulate_ahead_time",
+                "cycle_frequency",
+                "max_rotational_vel",
+                "min_rotational_vel",
+                "rotational_acc_lim",
+            ):
                 if f"{plugin.namespace}/{name}" in self.params:
                     found.setdefault(name, []).append(f"{plugin.namespace}/{name}")
         for name, sources in found.items():
@@ -917,11 +1016,7 @@ class _Converter:
             if f"{name}/" not in {n[: len(name) + 1] for n in self.params} or not declared(name, self.distro):
                 continue
             self.table(name, name, name)
-            for scope, parent, key in (
-                ("monitor polygon", "", "polygons"),
-                ("monitor source", "", "observation_sources"),
-            ):
-                del parent
+            for scope, key in (("monitor polygon", "polygons"), ("monitor source", "observation_sources")):
                 for child in self.params[f"{name}/{key}"].value if f"{name}/{key}" in self.params else ():
                     self.table(name, scope, f"{name}/{child}", f"{child}.", skip=_unset(self.params, f"{name}/{child}"))
                     below = self.params.get(f"{name}/{child}/velocity_polygons")
@@ -932,7 +1027,9 @@ class _Converter:
         if not any(n.startswith("amcl/") for n in self.params):
             del self.nodes["amcl"]
             return
-        self.table("amcl", "amcl", "amcl", skip=("robot_model_type", "initial_pose.x", "initial_pose.y", "initial_pose.yaw"))
+        self.table(
+            "amcl", "amcl", "amcl", skip=("robot_model_type", "initial_pose.x", "initial_pose.y", "initial_pose.yaw")
+        )
         model = str(self.value("amcl/odom_model_type"))
         omni = model.startswith("omni")
         if self.distro < HUMBLE:
@@ -940,7 +1037,11 @@ class _Converter:
         else:
             name = f"nav2_amcl::{'Omni' if omni else 'Differential'}MotionModel"
         corrected = model.endswith("corrected")
-        note = "" if corrected else "the corrected model; divide alpha1..alpha4 of the old one by their squares if they were tuned"
+        note = (
+            ""
+            if corrected
+            else "the corrected model; divide alpha1..alpha4 of the old one by their squares if they were tuned"
+        )
         kind: Kind = "converted" if corrected else "nearest"
         self.put("amcl", "amcl", "robot_model_type", name, ["amcl/odom_model_type"], kind=kind, note=note)
         self.put("amcl", "amcl", "transform_tolerance", 0.1, kind="added", note="default of amcl of ROS 1")
@@ -956,7 +1057,9 @@ class _Converter:
             self._base_frame("smoother_server", "smoother_server")
         if self.distro >= JAZZY:
             self.put("docking_server", "docking_server", "base_frame", self.value(base), [base])
-            self.text("docking_server", "dock_plugins", ["simple_charging_dock"], note="nav2_bringup starts it; it needs one")
+            self.text(
+                "docking_server", "dock_plugins", ["simple_charging_dock"], note="nav2_bringup starts it; it needs one"
+            )
             self.text("docking_server", "simple_charging_dock.plugin", "opennav_docking::SimpleChargingDock")
 
     def _passing_smoother(self) -> None:
@@ -978,8 +1081,16 @@ class _Converter:
         note = "nav2_bringup starts it; move_base has none"
         self.put(node, node, "polygons", ["FootprintApproach"], kind="added", note=note)
         self.put(node, node, "observation_sources", ["scan"], kind="added", note=note)
-        self.put(node, node, "base_frame_id", self.value(f"{COSTMAPS[1]}/robot_base_frame"), [f"{COSTMAPS[1]}/robot_base_frame"])
-        self.put(node, node, "odom_frame_id", self.value(f"{COSTMAPS[1]}/global_frame"), [f"{COSTMAPS[1]}/global_frame"])
+        self.put(
+            node,
+            node,
+            "base_frame_id",
+            self.value(f"{COSTMAPS[1]}/robot_base_frame"),
+            [f"{COSTMAPS[1]}/robot_base_frame"],
+        )
+        self.put(
+            node, node, "odom_frame_id", self.value(f"{COSTMAPS[1]}/global_frame"), [f"{COSTMAPS[1]}/global_frame"]
+        )
         self.put(node, node, "source_timeout", 0.0, kind="added", note="does not stop the robot without data")
         polygon: dict[str, Any] = {
             "type": "polygon",
@@ -995,7 +1106,13 @@ class _Converter:
         topic = f"{scans[0].rpartition('/')[0]}/topic" if scans else ""
         self.put(node, "monitor source", "type", "scan", prefix="scan.", kind="added")
         self.put(
-            node, "monitor source", "topic", self.value(topic) if topic else "scan", [topic] if topic else [], prefix="scan.", kind="added"
+            node,
+            "monitor source",
+            "topic",
+            self.value(topic) if topic else "scan",
+            [topic] if topic else [],
+            prefix="scan.",
+            kind="added",
         )
 
     # --- the rest -----------------------------------------------------------------------------------------------------
@@ -1004,10 +1121,20 @@ class _Converter:
         """The YAML of what is no part of Nav2, for navstack; empty without."""
         kept = [p for p in self.params.values() if p.name.partition("/")[0] in _KEPT or _is_filter(p.name)]
         kept = [p for p in kept if p.origin is not None and p.name != "navstack/ros_distro"]  # a scale of DWA's weights
-        self.used.update(p.name for p in self.params.values() if p.name.partition("/")[0] in _KEPT or _is_filter(p.name))
+        self.used.update(
+            p.name for p in self.params.values() if p.name.partition("/")[0] in _KEPT or _is_filter(p.name)
+        )
         for p in kept:
             self.changes.append(
-                Change("carried over", p.name, p.value, origin_of(p, "move_base"), f"{NAVSTACK_FILE}: {p.name}", p.value, "no part of Nav2; navstack reads it")
+                Change(
+                    "carried over",
+                    p.name,
+                    p.value,
+                    origin_of(p, "move_base"),
+                    f"{NAVSTACK_FILE}: {p.name}",
+                    p.value,
+                    "no part of Nav2; navstack reads it",
+                )
             )
         if not kept:
             return ""
@@ -1028,7 +1155,11 @@ def _class_of(kind: Any, registry: Registry[Any], name: str, layer: Plugin[Any] 
     for nav2, own in CLASSES[kind].items():
         if own and own in registry and nav2.startswith(("nav2", "dwb")):
             entry = registry.get(own)
-            if (entry.cls is layer.cls) if layer is not None else (name in (entry.name, own) or (name in registry and registry.get(name) is entry)):
+            if (
+                (entry.cls is layer.cls)
+                if layer is not None
+                else (name in (entry.name, own) or (name in registry and registry.get(name) is entry))
+            ):
                 return nav2
     return ""
 
@@ -1091,7 +1222,11 @@ def _limits(params: Any) -> tuple[float, float, float, float, float]:
     if "omni" in str(getattr(params, "motion_model", "")).lower():
         left = of("vy_max", default=0.0)
     turn = of("max_vel_theta", "wz_max", "max_angular_vel", "v_angular_max", default=2.5)
-    turn = max(turn, of("rotate_to_heading_angular_vel", default=0.0), -of("min_vel_theta", default=0.0) if hasattr(params, "y_vels") else 0.0)
+    turn = max(
+        turn,
+        of("rotate_to_heading_angular_vel", default=0.0),
+        -of("min_vel_theta", default=0.0) if hasattr(params, "y_vels") else 0.0,
+    )
     return forward, backward, left, -left, turn
 
 

@@ -1,7 +1,7 @@
 """Nav2's parameters and behavior tree -> one file for move_base: the inverse of `convert`.
 
-DWB becomes DWA, the checkers become the tolerances and the oscillation of move_base, and the tree gives the replanning rate and the
-recoveries. Other controllers stay: navstack's move_base runs them, ROS 1 has none of their kind.
+DWB becomes DWA, the checkers become the tolerances and the oscillation of move_base, and the tree gives the replanning rate and
+the recoveries. Other controllers stay: navstack's move_base runs them, ROS 1 has none of their kind.
 """
 
 from __future__ import annotations
@@ -127,17 +127,30 @@ class _Converter:
                 self.out[name] = replace(self.out[name], value=-1)  # a signed byte in ROS 1
         for name, p in self.params.items():
             written = p.origin is not None and bool(p.origin.line)
-            if written and name not in self.used and any(name.startswith(f"{s}/") for s in sections[len(self.c.recoveries) :]):
+            if (
+                written
+                and name not in self.used
+                and any(name.startswith(f"{s}/") for s in sections[len(self.c.recoveries) :])
+            ):
                 loss = f"lost: {p.info.description or name.rpartition('/')[2]}"
                 self.made.changes.append(Change("no counterpart", name, p.value, p.origin_text, "", None, loss))
-        header = (f"move_base: converted from {' '.join(self.made.sources)} ({self.program})", "comments: source of each value")
+        header = (
+            f"move_base: converted from {' '.join(self.made.sources)} ({self.program})",
+            "comments: source of each value",
+        )
         self.made.files[MOVE_BASE_FILE] = as_yaml(list(self.out.values()), header)
         self.made.params = (MOVE_BASE_FILE,)
         self.made.files[REPORT_FILE] = self.made.markdown()
         return self.made
 
     def _put(
-        self, name: str, value: Any, sources: Sequence[Parameter], kind: Kind, note: str = "", info: FieldInfo | None = None
+        self,
+        name: str,
+        value: Any,
+        sources: Sequence[Parameter],
+        kind: Kind,
+        note: str = "",
+        info: FieldInfo | None = None,
     ) -> None:
         origins = list(dict.fromkeys(origin_of(p, self.program) for p in sources))
         comment = "; ".join([*origins, *([note] if note else [])])
@@ -170,14 +183,26 @@ class _Converter:
         for name, critic in (("path_distance_bias", "PathDist"), ("goal_distance_bias", "GoalDist")):
             scale = self.params.get(f"{section}/{critic}/scale")
             value = 0.5 * float(scale.value) if scale is not None else 0.0
-            self._put(f"{_SECTION}/{name}", value, [scale] if scale else [], "converted", note if scale else "no such critic")
+            self._put(
+                f"{_SECTION}/{name}", value, [scale] if scale else [], "converted", note if scale else "no such critic"
+            )
             align = self.params.get(f"{section}/{critic.replace('Dist', 'Align')}/scale")
             if align is not None:
                 same = scale is not None and align.value == scale.value
-                text = "the same bias" if same else f"DWA has one bias for {critic} and its Align critic: that of {critic}"
+                text = (
+                    "the same bias" if same else f"DWA has one bias for {critic} and its Align critic: that of {critic}"
+                )
                 self.used.add(align.name)
                 self.made.changes.append(
-                    Change("converted" if same else "nearest", align.name, align.value, align.origin_text, f"{_SECTION}/{name}", value, text)
+                    Change(
+                        "converted" if same else "nearest",
+                        align.name,
+                        align.value,
+                        align.origin_text,
+                        f"{_SECTION}/{name}",
+                        value,
+                        text,
+                    )
                 )
         obstacle = next(
             (p for c in ("ObstacleFootprint", "BaseObstacle") if (p := self.params.get(f"{section}/{c}/scale"))), None
@@ -195,10 +220,7 @@ class _Converter:
         p = self.params.get(f"{section}/{source}")
         if p is None or p.value is None:
             return
-        if name == "prune_plan" and not any(o in self.params for o in (f"{section}/prune_plan",)):
-            return
-        kind: Kind = "carried over" if name == source or "/" not in source else "carried over"
-        self._put(f"{_SECTION}/{name}", p.value, [p], kind)
+        self._put(f"{_SECTION}/{name}", p.value, [p], "carried over")
 
     def _progress(self, sections: list[str]) -> None:
         """The progress checker as move_base's oscillation."""
@@ -210,7 +232,13 @@ class _Converter:
             if allowance is not None:
                 off = float(allowance.value) >= FOREVER_S
                 note = "no limit" if off else ""
-                self._put("oscillation_timeout", 0.0 if off else allowance.value, [allowance], "converted" if off else "carried over", note)
+                self._put(
+                    "oscillation_timeout",
+                    0.0 if off else allowance.value,
+                    [allowance],
+                    "converted" if off else "carried over",
+                    note,
+                )
             if radius is not None:
                 self._put("oscillation_distance", radius.value, [radius], "carried over")
 
@@ -232,7 +260,9 @@ class _Converter:
                 return spec, str(found)
             why = "is not here" if found is None else "has another structure"
             note = f"the tree {why}; the default of {self.program} is taken"
-            self.made.changes.append(Change("nearest", f"bt_navigator/{key}", written, str(at), "planner_frequency", None, note))
+            self.made.changes.append(
+                Change("nearest", f"bt_navigator/{key}", written, str(at), "planner_frequency", None, note)
+            )
         return default_tree(self.distro), f"default tree of {self.program}"
 
     def _tree(self, spec: TreeSpec, at: str) -> None:

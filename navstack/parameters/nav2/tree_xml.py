@@ -64,7 +64,9 @@ def write_tree(spec: TreeSpec, distro: int, header: str) -> str:
             planning, "RecoveryNode", number_of_retries=str(spec.planning_retries), name="ComputePathToPose"
         )
     ET.SubElement(
-        planning, "ComputePathToPose", {"goal": "{goal}", "path": "{path}", "planner_id": "GridBased"} | _code("compute_path", distro)
+        planning,
+        "ComputePathToPose",
+        {"goal": "{goal}", "path": "{path}", "planner_id": "GridBased"} | _code("compute_path", distro),
     )
     if spec.planning_retries:
         name, ports = clear("global_costmap", 0.0, False, distro)
