@@ -21,7 +21,7 @@ from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.nav2.conversion import Change, Conversion, Kind, origin_of
 from navstack.parameters.nav2.convert import FOREVER_S, REPORT_FILE
 from navstack.parameters.nav2.declared import DISTROS
-from navstack.parameters.nav2.document import Nodes, read_nodes
+from navstack.parameters.nav2.document import COSTMAP_NODES, Nodes, read_nodes
 from navstack.parameters.nav2.tree_xml import TreeRecovery, TreeSpec, default_tree, read_tree
 from navstack.parameters.report import Parameter, as_yaml, parameters_of
 from navstack.parameters.sources import Source, read_sources
@@ -134,6 +134,7 @@ class _Converter:
             ):
                 loss = f"lost: {p.info.description or name.rpartition('/')[2]}"
                 self.made.changes.append(Change("no counterpart", name, p.value, p.origin_text, "", None, loss))
+        self._map_topics()
         header = (
             f"move_base: converted from {' '.join(self.made.sources)} ({self.program})",
             "comments: source of each value",
@@ -241,6 +242,17 @@ class _Converter:
                 )
             if radius is not None:
                 self._put("oscillation_distance", radius.value, [radius], "carried over")
+
+    def _map_topics(self) -> None:
+        """Topics of static layers, which no configuration has: programs pass the map."""
+        for name in COSTMAP_NODES:
+            node = self.nodes.nodes.get(name) if self.nodes is not None else None
+            for key, param in node.params.items() if node is not None else ():
+                layer, _, last = key.rpartition(".")
+                topic = self.params.get(f"{name}/{layer}/map_topic")
+                if last == "map_topic" and topic is not None and node is not None and node.text(key):
+                    found = replace(topic, value=node.text(key), origin=param.node.at)
+                    self._put(f"{name}/{layer}/map_topic", found.value, [found], "carried over", "", found.info)
 
     # --- the tree -----------------------------------------------------------------------------------------------------
 
