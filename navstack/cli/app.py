@@ -123,7 +123,7 @@ COMMANDS: Final = {
         "explain",
         "Diagnose a run or a parameter set: goals, commands, cell costs, tracking, passages, inflation.",
     ),
-    "params": LazyCommand("params", "app", "Show, compare, document and migrate parameters."),
+    "params": LazyCommand("params", "app", "Show, compare, document, migrate and convert parameters."),
     "ros1": LazyCommand(
         "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl."
     ),
@@ -206,6 +206,11 @@ EXPLAIN_COMMANDS: Final = {
         "explain.inflation",
         "inflation",
         "Print cost against distance to the nearest obstacle for both costmaps of a parameter set.",
+    ),
+    "migration": LazyCommand(
+        "explain.migration",
+        "migration",
+        "List what a move_base robot must change for Nav2, each with its place in the robot's files and what to do.",
     ),
     "costmap": LazyCommand(
         "explain.costmap", "costmap", "Draw a costmap of a run at a given time, with its cost bands."

@@ -1,4 +1,4 @@
-"""`navstack params`: effective parameters, their differences, schema, reference and migration."""
+"""`navstack params`: effective parameters, their differences, schema, reference, migration and conversion."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 from rich.markup import escape
 
 from navstack.cli import options
+from navstack.cli.convert import convert
 from navstack.cli.output import print_json, print_note, stdout
 from navstack.core import InputError, OutputError, ensure_directory, write_text
 from navstack.parameters import (
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Show, compare, document and migrate parameters.",
+    help="Show, compare, document, migrate and convert parameters.",
 )
 
 
@@ -235,6 +236,9 @@ def migrate(
     stdout().print(f"{count} file{'' if count == 1 else 's'} in {folder}; load with --params {folder}")
     if migration.why_whole:
         print_note(f"one file without your comments: {migration.why_whole}")
+
+
+app.command("convert")(convert)
 
 
 def _write(text: str, out: Path | None) -> None:

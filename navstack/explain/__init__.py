@@ -1,4 +1,4 @@
-"""Diagnostics of runs and parameters: goals, commands, cell costs, passages, inflation.
+"""Diagnostics of runs and parameters: goals, commands, cell costs, passages, inflation, migration.
 
 A record is diagnosed by replaying its run (`replay`); nothing here changes a run.
 """
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from navstack.explain.goal import explain_goals as explain_goals
     from navstack.explain.inflation import InflationCurve as InflationCurve
     from navstack.explain.inflation import inflation_curves as inflation_curves
+    from navstack.explain.migration import MigrationPoint as MigrationPoint
+    from navstack.explain.migration import MigrationReport as MigrationReport
+    from navstack.explain.migration import explain_migration as explain_migration
+    from navstack.explain.migration import listed as listed
     from navstack.explain.passages import Passage as Passage
     from navstack.explain.passages import PassageReport as PassageReport
     from navstack.explain.passages import Rating as Rating

@@ -46,12 +46,16 @@ class BenchOutput(NamedTuple):
 
         Return the exit code: 1 if a job gave no result, or if the report shows a fault. Raises InputError.
         """
+        return self.reported(task, processes=processes)[0]
+
+    def reported(self, task: Task, *, processes: int | None) -> tuple[int, Report]:
+        """Do as `carry_out`; return the exit code and the report."""
         results = self._run(task, processes)
         report = task.report(results)
         files = task.draw(report, self.out) if self.out is not None else {}
         document = {**task.described(), **report.document}
         code = self._show(document, report, results, files)
-        return code or int(not report.passed)
+        return code or int(not report.passed), report
 
     def _run(self, task: Task, processes: int | None) -> list[JobResult]:
         """The results of all jobs, in their order."""

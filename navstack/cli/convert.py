@@ -1,0 +1,141 @@
+"""`navstack params convert`: a move_base robot's parameters for Nav2, and back."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+
+import typer
+from rich.markup import escape
+
+from navstack.cli import options
+from navstack.cli.output import print_json, print_note, stdout
+from navstack.core import InputError, resolved, write_text
+from navstack.parameters import nearest, to_move_base, to_nav2, tree_yaml
+
+if TYPE_CHECKING:
+    from navstack.parameters import Conversion
+
+TARGETS: Final = ("nav2", "move_base")
+DEFAULT_DISTRO: Final = "jazzy"
+SUITE: Final = "office"
+
+
+class Verification(NamedTuple):
+    """The drives with the files before and after."""
+
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Drive a suite with both, and print what differs beyond the noise.")
+    ] = False
+    suite: Annotated[
+        str,
+        typer.Option(
+            "--suite", metavar="NAME", help="Suite for --verify: office, narrow, crowd, warehouse or shipped."
+        ),
+    ] = SUITE
+    scenarios: Annotated[
+        int | None, typer.Option("--count", metavar="N", min=1, help="Number of scenarios of the suite.")
+    ] = None
+    seeds: Annotated[int, typer.Option("--seeds", metavar="N", min=1, help="Runs per scenario and side.")] = 1
+    processes: Annotated[
+        int | None,
+        typer.Option("--processes", metavar="N", min=1, help="Number of parallel runs; all cores by default."),
+    ] = None
+
+
+@options.with_options(verification=Verification)
+def convert(
+    params: options.ParamsArgument,
+    to: Annotated[str, typer.Option("--to", metavar="nav2|move_base", help="What the files are for.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="New folder for the files.", callback=options.folder_only),
+    ],
+    distro: Annotated[
+        str | None,
+        typer.Option(
+            "--distro",
+            metavar="NAME",
+            help="Distribution of Nav2: foxy to lyrical. [default: to nav2: jazzy; to move_base: found from the keys]",
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the files of an earlier conversion in --out.")
+    ] = False,
+    set_: options.Set = [],
+    allow_missing: options.AllowMissing = False,
+    json_: options.Json = False,
+    *,
+    verification: Verification,
+) -> int:
+    """Convert a robot's parameters from move_base to Nav2 or back: YAML, behavior tree, and a report of every key.
+
+    With --verify, exit code 1 means that a run of the verification gave no result.
+    """
+    if to not in TARGETS:
+        close = nearest(to, TARGETS)
+        hint = f"did you mean {close}?" if close else f"known: {', '.join(TARGETS)}"
+        raise InputError(f'--to "{to}" is no target; {hint}', argument="--to", value=to)
+    if to == "nav2":
+        folder = resolved(out)
+        made = to_nav2(params, distro or DEFAULT_DISTRO, str(folder), overrides=set_, allow_missing=allow_missing)
+    else:
+        made = to_move_base(params, distro=distro, overrides=set_, allow_missing=allow_missing)
+    files = made.save(out, force=force)
+    if json_ and not verification.verify:
+        print_json(
+            {"target": made.target, "changes": [c.as_dict() for c in made.changes], "files": [str(f) for f in files]}
+        )
+        return 0
+    if not json_:
+        _print(made, files)
+    return _verify(made, params, set_, out, verification, json_=json_) if verification.verify else 0
+
+
+def _print(made: Conversion, files: Sequence[Path]) -> None:
+    out = stdout()
+    out.print(f"{made.target}: {made.counts()}", markup=False)
+    for kind, title in (("nearest", "replaced by the nearest"), ("no counterpart", "without counterpart")):
+        found = made.of_kind(kind)  # type: ignore[arg-type]
+        if found:
+            out.print(f"[bold]{title}[/]")
+        for c in found:
+            target = f" -> {c.target}" if c.target else ""
+            out.print(f"  {escape(f'{c.origin}: {c.source}{target}: {c.note}')}", soft_wrap=True, highlight=False)
+    for file in files:
+        out.print(str(file), markup=False, soft_wrap=True)
+
+
+def _verify(
+    made: Conversion, params: Sequence[str], set_: Sequence[str], out: Path, wanted: Verification, *, json_: bool
+) -> int:
+    """Drive the suite with the user's files (A) and with the written ones (B); the exit code."""
+    from navstack.cli.bench.execution import BenchOutput
+    from navstack.studies import CompareTask, ParameterSet, for_workers, read_scenarios
+
+    written = [str(resolved(out / name)) for name in made.params]
+    with tempfile.TemporaryDirectory(prefix="navstack-") as name:
+        if made.tree:
+            overlay = Path(name) / "behavior_tree.yaml"
+            write_text(overlay, tree_yaml(out / made.tree, made.target.rpartition(" ")[2]))
+            written.append(str(overlay))
+        sets = {
+            "A": ParameterSet(tuple(for_workers(p) for p in params), tuple(set_)),
+            "B": ParameterSet(tuple(written)),
+        }
+        task = CompareTask(sets, tuple(read_scenarios([], wanted.suite, wanted.scenarios)), wanted.seeds)
+        code, report = BenchOutput(json_=json_).reported(task, processes=wanted.processes)
+    rows: list[dict[str, Any]] = list(report.document["measures"].rows)
+    changed = [f"{row['measure']} ({row['verdict']})" for row in rows if row["difference"].shown]
+    failed = sum(run["A"]["success"] and not run["B"]["success"] for run in report.document["runs"])
+    if failed:
+        print_note(
+            f"the converted robot fails in {failed} of {len(report.document['runs'])} drives in which the original succeeds"
+        )
+    if changed:
+        print_note(f"the conversion changes the drive beyond the noise: {'; '.join(changed)}")
+    elif not failed:
+        print_note("no measure of the drive differs beyond the noise")
+    return code
