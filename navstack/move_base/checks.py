@@ -159,9 +159,13 @@ def _stall_cause(sent: Twist2D) -> str:
     if abs(sent.vy) > abs(sent.vx) and abs(sent.wz) < SLOWEST_RAD:
         return (
             "a differential base or a car cannot drive sideways: set holonomic_robot: false (TrajectoryPlannerROS) or "
-            "max_vel_y: 0 and min_vel_y: 0 (DWAPlannerROS); a base that can may push against something, or its wheels may be blocked"
+            "max_vel_y: 0 and min_vel_y: 0 (DWAPlannerROS); a base that can may push against something, or its wheels may "
+            "be blocked"
         )
-    return "it may push against something that its sensors do not see, its wheels may be blocked, or an emergency stop may be active"
+    return (
+        "it may push against something that its sensors do not see, its wheels may be blocked, or an emergency stop may be "
+        "active"
+    )
 
 
 def _has_moved(anchor: Pose2D, state: RobotState, sent: Twist2D) -> bool:
