@@ -224,6 +224,7 @@ class DWAParams(ParamModel):
                 context, self.acc_lim_x, self.acc_lim_theta, self.min_vel_trans, self.min_vel_theta
             )
         yield from checks.stopping_time(self.acc_lim_x, fastest, self.sim_time)
+        yield from checks.coarse_simulation(context, self.sim_granularity, self.sim_time, self.acc_lim_x, fastest)
         yield from checks.minimum_over_maximum(
             [
                 ("min_vel_x", self.min_vel_x, "max_vel_x", self.max_vel_x),

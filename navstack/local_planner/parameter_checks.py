@@ -67,6 +67,25 @@ def stopping_time(acc_lim_x: float, fastest: Speed, sim_time: float) -> Iterator
         yield Issue("warning", "stopping-time", ("sim_time", "acc_lim_x"), message)
 
 
+def coarse_simulation(
+    context: CheckContext, sim_granularity: float, sim_time: float, acc_lim_x: float, fastest: Speed
+) -> Iterator[Issue]:
+    """A trajectory no longer than sim_granularity has one point, where the robot stands: what is ahead is not checked."""
+    speed = min(sim_granularity / sim_time, fastest.value)
+    if speed <= 0.0 or acc_lim_x <= 0.0:
+        return
+    unchecked = speed / context.controller_frequency + speed * speed / (2.0 * acc_lim_x)
+    resolution = context.local_costmap.resolution
+    if unchecked <= 0.5 * resolution:
+        return
+    message = (
+        f"sim_granularity = {sim_granularity:g} m is too coarse: a trajectory of up to {speed:.2g} m/s has one point (sim_time "
+        f"{sim_time:g} s), where the robot stands, so the {unchecked:.2g} m that it drives before it can stop are not checked; "
+        f"set it to {0.5 * resolution:g} m or less"
+    )
+    yield Issue("warning", "coarse-simulation", ("sim_granularity",), message, f"{0.5 * resolution:g}")
+
+
 def minimum_over_maximum(limits: Sequence[tuple[str, float, str, float]]) -> Iterator[Issue]:
     """A minimum speed over the maximum leaves no velocity to sample. `limits`: name and value of both."""
     for low, low_value, high, high_value in limits:

@@ -183,8 +183,9 @@ def frames_of(configuration: Configuration) -> frozenset[str]:
 
 @rule("simulated-robot-blind", "warning")
 def simulated_robot_blind(configuration: Configuration) -> Iterator[Problem]:
-    """Simulator only: the lidar publishes on a topic (`scan`) or at a height that no observation source accepts. The
-    simulated robot sees nothing and collides with everything that is not on the map.
+    """Simulator only: the lidar publishes on a topic (`scan`) or at a height that no observation source of a costmap
+    accepts; the limits of the source, of its layer and of the voxels count. The simulated robot sees nothing there and
+    collides with everything that is not on the map.
 
     Fix: `navstack/sim/<lidar>/topic` or `height`.
     """

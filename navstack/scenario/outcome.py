@@ -90,6 +90,7 @@ EXPLAIN_COLLISIONS: Final = frozenset(
         "clearing-only",
         "updates-too-slow",
         "stopping-time",
+        "coarse-simulation",
     }
 )
 """Rules whose finding explains collisions: the robot sees other things than the real one, nothing, or too late."""

@@ -79,6 +79,8 @@ def test_weights_that_are_large_on_both_scales_do_not_suggest_indigo() -> None:
         ("cannot-start", {"DWAPlannerROS": {"acc_lim_x": 1.0, "acc_lim_theta": 2.0}}, ("0.05", "0.1 rad/s", "20 Hz")),
         ("stopping-time", {"DWAPlannerROS": {"max_vel_x": 3.0, "max_vel_trans": 1.0, "acc_lim_x": 0.5}},
          ("2 s", "1.7 s", "max_vel_trans 1 m/s")),
+        ("coarse-simulation", {"DWAPlannerROS": {"sim_granularity": 0.2, "sim_time": 1.2, "acc_lim_x": 0.5}},
+         ("0.2 m", "0.17 m/s", "1.2 s", "0.036 m", "0.025 m or less")),
         ("min-vel-trans-zero", {"DWAPlannerROS": {"min_vel_trans": 0.0}}, ("0.4",)),
         ("tolerance-under-cell", {"DWAPlannerROS": {"xy_goal_tolerance": 0.01}}, ("0.01", "0.05")),
         ("yaw-tolerance", {"DWAPlannerROS": {"yaw_goal_tolerance": 0.005}}, ("0.005", "0.02")),

@@ -190,6 +190,7 @@ class TrajectoryPlannerParams(ParamModel):
         yield from checks.window_too_small(context, self.sim_time, fastest)
         yield from checks.updates_too_slow(context, fastest)
         yield from checks.stopping_time(self.acc_lim_x, fastest, self.sim_time)
+        yield from checks.coarse_simulation(context, self.sim_granularity, self.sim_time, self.acc_lim_x, fastest)
         yield from checks.minimum_over_maximum(
             [
                 ("min_vel_x", self.min_vel_x, "max_vel_x", self.max_vel_x),
