@@ -122,7 +122,7 @@ def _print(result: RunResult, files: dict[str, str]) -> None:
     )
     out.print(
         f"{result.simulated_s:.1f} s simulated in {result.wall_s:.2f} s: {result.real_time_factor:.0f} times real time; "
-        f"{result.collisions} collisions; seed {result.seed}"
+        f"{'1 collision' if result.collisions == 1 else f'{result.collisions} collisions'}; seed {result.seed}"
     )
     print_files(files)
 

@@ -492,8 +492,14 @@ class ObstacleLayer(Layer):
     )
 
     @classmethod
+    def _top(cls, params: Any) -> float:
+        """Return the height above which the layer marks no point (m)."""
+        return float(params.max_obstacle_height)
+
+    @classmethod
     def traits(cls, params: ObstacleLayerParams) -> LayerTraits:
         """Sensors if the layer is enabled and has sources; unknown space as set."""
+        top = cls._top(params)
         return LayerTraits(
             enabled=params.enabled,
             fed_by_sensors=params.enabled and bool(params.sources),
@@ -503,7 +509,7 @@ class ObstacleLayer(Layer):
                     s.topic or name,
                     s.data_type,
                     s.min_obstacle_height,
-                    s.max_obstacle_height,
+                    min(s.max_obstacle_height, top),
                     s.marking,
                     s.sensor_frame,
                     s.raytrace_range,

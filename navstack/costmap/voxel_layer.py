@@ -385,6 +385,12 @@ class VoxelLayer(ObstacleLayer):
         self.unknown_threshold = int(params.unknown_threshold) + LEVELS - self.levels
         self._settings = np.zeros(1, VOXEL_GRID)
 
+    @classmethod
+    def _top(cls, params: Any) -> float:
+        """Return the height above which the layer marks no point (m): a point at the top of the voxels is outside of them."""
+        top = float(params.origin_z) + int(params.z_voxels) * float(params.z_resolution)
+        return min(float(params.max_obstacle_height), math.nextafter(top, -math.inf))
+
     def serial_at(self, ix: int, iy: int) -> int:
         """Return the serial number of the observation that marked a column last, 0 if unknown."""
         return int(self.marks[iy, ix]) >> (2 * self.levels)

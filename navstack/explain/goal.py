@@ -9,12 +9,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
-from navstack.core import Event, InputError, Pose2D, RecordError, angle_between
+from navstack.core import LETHAL, Event, InputError, Pose2D, RecordError, angle_between
 from navstack.move_base import GoalTimeLimitError
 from navstack.record import STALL_S, Record, Stall, believed_poses, find_stalls
 
+MARKED_CELLS: Final = 1.5
+"""An obstacle that touches the footprint is marked at most this many cells from it, center to edge."""
 TERMINAL = ("PREEMPTED", "SUCCEEDED", "ABORTED", "REJECTED", "RECALLED")
 """Terminal states of a goal in actionlib."""
 
@@ -669,10 +672,37 @@ def _collisions(record: Record, report: GoalReport) -> list[TimelineEntry]:
     if report.accepted is None:
         return []
     return [
-        TimelineEntry(float(t), float(t), "collision", f"collision at ({x:.2f}, {y:.2f})")
-        for t, (x, y) in zip(record.collision_times, record.collisions[:, :2], strict=True)
+        TimelineEntry(float(t), float(t), "collision", collision_text(record, float(t), Pose2D(*pose)))
+        for t, pose in zip(record.collision_times, record.collisions.tolist(), strict=True)
         if report.accepted <= t <= report.ended
     ]
+
+
+def collision_text(record: Record, t: float, pose: Pose2D) -> str:
+    """Say where the robot collided, and whether its local costmap had the obstacle: seen and hit, or not seen."""
+    text = f"collision at ({pose.x:.2f}, {pose.y:.2f})"
+    costmap = record.costmap_at("local", t)
+    if costmap is None:
+        return text
+    g = costmap.geometry
+    iy, ix = np.nonzero(costmap.data == LETHAL)
+    centers = np.column_stack((g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution))
+    centers = record.to_global(record.costmap_frame("local"), t).apply_points(centers)
+    # the footprint is in the base frame
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    ahead, left = centers[:, 0] - pose.x, centers[:, 1] - pose.y
+    cells = shapely.points(np.column_stack((c * ahead + s * left, c * left - s * ahead)))
+    distances: NDArray[np.float64] = np.asarray(shapely.distance(record.footprint.polygon, cells))
+    if not len(distances):
+        return f"{text} with an obstacle that the local costmap did not have; it had none"
+    nearest = int(distances.argmin())
+    x, y = centers[nearest].tolist()
+    if distances[nearest] <= MARKED_CELLS * g.resolution:
+        return f"{text} with an obstacle that the local costmap had, marked at ({x:.2f}, {y:.2f})"
+    return (
+        f"{text} with an obstacle that the local costmap did not have; the nearest one that it had, at ({x:.2f}, {y:.2f}), is "
+        f"{distances[nearest]:.2f} m from the footprint"
+    )
 
 
 def _end(report: GoalReport) -> TimelineEntry:

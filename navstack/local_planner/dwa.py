@@ -216,13 +216,15 @@ class DWAParams(ParamModel):
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield what keeps the robot from moving, from stopping or from reaching its goal."""
         yield from self._check_scoring_scale(context)
-        yield from checks.window_too_small(context, self.sim_time, self.max_vel_x, self.forward_point_distance)
-        yield from checks.updates_too_slow(context, self.max_vel_x)
+        fastest = self._fastest()
+        yield from checks.window_too_small(context, self.sim_time, fastest, self.forward_point_distance)
+        yield from checks.updates_too_slow(context, fastest)
         if self.use_dwa:
             yield from checks.cannot_start(
                 context, self.acc_lim_x, self.acc_lim_theta, self.min_vel_trans, self.min_vel_theta
             )
-        yield from checks.stopping_time(self.acc_lim_x, self.max_vel_x, self.sim_time)
+        yield from checks.stopping_time(self.acc_lim_x, fastest, self.sim_time)
+        yield from checks.coarse_simulation(context, self.sim_granularity, self.sim_time, self.acc_lim_x, fastest)
         yield from checks.minimum_over_maximum(
             [
                 ("min_vel_x", self.min_vel_x, "max_vel_x", self.max_vel_x),
@@ -235,6 +237,14 @@ class DWAParams(ParamModel):
         yield from checks.min_vel_trans_zero(self.min_vel_trans, self.min_vel_theta)
         yield from checks.goal_tolerances(context, self.xy_goal_tolerance, self.yaw_goal_tolerance, self.min_vel_theta)
 
+    def _fastest(self) -> checks.Speed:
+        """Return the highest forward speed: a sample above max_vel_trans is rejected, whatever max_vel_x allows."""
+        return min(
+            checks.Speed("max_vel_x", self.max_vel_x),
+            checks.Speed("max_vel_trans", self.max_vel_trans),
+            key=lambda speed: speed.value,
+        )
+
     def _check_scoring_scale(self, context: CheckContext) -> Iterator[Issue]:
         resolution = context.local_costmap.resolution
         obstacle = self.occdist_scale * checks.INSCRIBED_COST
@@ -242,7 +252,7 @@ class DWAParams(ParamModel):
         noetic, indigo = (2.0 * self.goal_distance_bias, obstacle), (self.goal_distance_bias, obstacle * resolution)
         return checks.scoring_scale(
             context,
-            horizon=self.sim_time * self.max_vel_x,
+            horizon=self.sim_time * self._fastest().value,
             goal_distance_bias=self.goal_distance_bias,
             occdist_scale=self.occdist_scale,
             score=indigo if context.ros_distro == "indigo" else noetic,

@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from navstack.plugins import CheckContext, Issue
+
+
+class Speed(NamedTuple):
+    """The highest forward speed of a planner (m/s) and the parameter that sets it."""
+
+    parameter: str
+    value: float
+
 
 INSCRIBED_COST = 252.0
 """Cost of a cell just outside the inscribed radius."""
@@ -14,47 +23,67 @@ MAX_HORIZONS = 3.0
 
 
 def window_too_small(
-    context: CheckContext, sim_time: float, max_vel_x: float, forward_point_distance: float = 0.0
+    context: CheckContext, sim_time: float, fastest: Speed, forward_point_distance: float = 0.0
 ) -> Iterator[Issue]:
     """Trajectories that leave the local costmap are rejected."""
     costmap = context.local_costmap
-    reach = sim_time * max_vel_x + forward_point_distance
+    reach = sim_time * fastest.value + forward_point_distance
     half = min(costmap.width, costmap.height) / 2.0
     if not costmap.rolling_window or half >= reach:
         return
     nose = f" + forward_point_distance {forward_point_distance:g} m" if forward_point_distance else ""
     message = (
         f"the local costmap ends {half:g} m from the robot, but trajectories reach {reach:.3g} m (sim_time {sim_time:g} s * "
-        f"max_vel_x {max_vel_x:g} m/s{nose}), so fast trajectories are rejected; set width and height to at least "
+        f"{fastest.parameter} {fastest.value:g} m/s{nose}), so fast trajectories are rejected; set width and height to at least "
         f"{math.ceil(20 * reach) / 10:g} m"
     )
     yield Issue("warning", "window-too-small", ("/local_costmap/width", "/local_costmap/height"), message)
 
 
-def updates_too_slow(context: CheckContext, max_vel_x: float) -> Iterator[Issue]:
+def updates_too_slow(context: CheckContext, fastest: Speed) -> Iterator[Issue]:
     """Between two updates of the local costmap the robot drives on old obstacles."""
     costmap = context.local_costmap
     rate, control = costmap.update_frequency, context.controller_frequency
     radius = costmap.footprint.inscribed_radius
-    if rate <= 0.0 or rate >= control or max_vel_x / rate <= radius:
+    if rate <= 0.0 or rate >= control or fastest.value / rate <= radius:
         return
     message = (
-        f"update_frequency = {rate:g} Hz of the local costmap is too low: the robot drives up to {max_vel_x / rate:.3g} m "
-        f"between two updates (max_vel_x {max_vel_x:g} m/s), more than its inscribed radius of {radius:.3g} m; raise it to "
-        f"{control:g} Hz"
+        f"update_frequency = {rate:g} Hz of the local costmap is too low: the robot drives up to "
+        f"{fastest.value / rate:.3g} m between two updates ({fastest.parameter} {fastest.value:g} m/s), more than its "
+        f"inscribed radius of {radius:.3g} m; raise it to {control:g} Hz"
     )
     yield Issue("warning", "updates-too-slow", ("/local_costmap/update_frequency",), message, f"{control:g}")
 
 
-def stopping_time(acc_lim_x: float, max_vel_x: float, sim_time: float) -> Iterator[Issue]:
+def stopping_time(acc_lim_x: float, fastest: Speed, sim_time: float) -> Iterator[Issue]:
     """A robot that cannot stop within its horizon cannot avoid obstacles at the end of it."""
-    if acc_lim_x > 0.0 and max_vel_x > 0.0 and max_vel_x / acc_lim_x > sim_time:
+    name, speed = fastest
+    if acc_lim_x > 0.0 and speed > 0.0 and speed / acc_lim_x > sim_time:
         message = (
-            f"the robot needs {max_vel_x / acc_lim_x:.3g} s to stop from max_vel_x {max_vel_x:g} m/s (acc_lim_x "
-            f"{acc_lim_x:g} m/s²), longer than sim_time {sim_time:g} s, so it cannot stop for obstacles within its horizon; "
-            "raise sim_time or lower max_vel_x"
+            f"the robot needs {speed / acc_lim_x:.3g} s to stop from {name} {speed:g} m/s (acc_lim_x {acc_lim_x:g} m/s²), "
+            f"longer than sim_time {sim_time:g} s, so it cannot stop for obstacles within its horizon; raise sim_time or "
+            f"lower {name}"
         )
         yield Issue("warning", "stopping-time", ("sim_time", "acc_lim_x"), message)
+
+
+def coarse_simulation(
+    context: CheckContext, sim_granularity: float, sim_time: float, acc_lim_x: float, fastest: Speed
+) -> Iterator[Issue]:
+    """A trajectory no longer than sim_granularity has one point, where the robot stands: what is ahead is not checked."""
+    speed = min(sim_granularity / sim_time, fastest.value)
+    if speed <= 0.0 or acc_lim_x <= 0.0:
+        return
+    unchecked = speed / context.controller_frequency + speed * speed / (2.0 * acc_lim_x)
+    resolution = context.local_costmap.resolution
+    if unchecked <= 0.5 * resolution:
+        return
+    message = (
+        f"sim_granularity = {sim_granularity:g} m is too coarse: a trajectory of up to {speed:.2g} m/s has one point (sim_time "
+        f"{sim_time:g} s), where the robot stands, so the {unchecked:.2g} m that it drives before it can stop are not checked; "
+        f"set it to {0.5 * resolution:g} m or less"
+    )
+    yield Issue("warning", "coarse-simulation", ("sim_granularity",), message, f"{0.5 * resolution:g}")
 
 
 def minimum_over_maximum(limits: Sequence[tuple[str, float, str, float]]) -> Iterator[Issue]:

@@ -145,14 +145,27 @@ class StallCheck:
         self._error = NoProgressError(
             f"the robot does not move: for {now - self._since:.1f} s it was commanded ({sent.vx:.2f}, {sent.vy:.2f}) m/s, "
             f"{sent.wz:.2f} rad/s, and its odometry stayed within {MOVED_M:g} m and {MOVED_RAD:g} rad of "
-            f"({anchor.x:.2f}, {anchor.y:.2f}); it may push against something that its sensors do not see, its "
-            "wheels may be blocked, or an emergency stop may be active (navstack/stall_timeout)",
+            f"({anchor.x:.2f}, {anchor.y:.2f}); {_stall_cause(sent)} (navstack/stall_timeout)",
             command=list(sent),
             velocity=list(state.velocity),
             seconds=now - self._since,
             stall_timeout=timeout_s,
         )
         raise self._error
+
+
+def _stall_cause(sent: Twist2D) -> str:
+    """Return what may keep a robot from executing a command, in words."""
+    if abs(sent.vy) > abs(sent.vx) and abs(sent.wz) < SLOWEST_RAD:
+        return (
+            "a differential base or a car cannot drive sideways: set holonomic_robot: false (TrajectoryPlannerROS) or "
+            "max_vel_y: 0 and min_vel_y: 0 (DWAPlannerROS); a base that can may push against something, or its wheels may "
+            "be blocked"
+        )
+    return (
+        "it may push against something that its sensors do not see, its wheels may be blocked, or an emergency stop may be "
+        "active"
+    )
 
 
 def _has_moved(anchor: Pose2D, state: RobotState, sent: Twist2D) -> bool:

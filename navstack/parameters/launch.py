@@ -11,7 +11,7 @@ import os
 import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, Node, ScalarNod
 MAX_EXPANDED = 1_000_000
 """Longest text with its substitutions (characters): arguments that repeat each other grow without end."""
 _SUBSTITUTION = re.compile(r"\$\(\s*([a-z]+)((?:\s+[^()]*)?)\)")
+_USED = re.compile(r"""\$\(\s*arg\s+([^\s()]+)\s*\)|\barg\(\s*["']([^"']+)["']\s*\)""")
 _ARGUMENT = re.compile(r"([A-Za-z_][A-Za-z0-9_/]*):=(.*)\Z", re.DOTALL)
 
 
@@ -130,7 +131,8 @@ def _why_not_found(text: str, launch: Path) -> tuple[str, str]:
     """Say why `find_file` finds nothing, and what to do."""
     found = _SUBSTITUTION.match(text)
     if found is None or found[1] != "find":
-        return "no such file", "add the file or correct its path"
+        where = "" if Path(text).is_absolute() else " from the folder of the launch file"
+        return f"no such file{where}", "add the file or correct its path"
     return why_missing(found[2].strip(), parts_of(text[found.end() :]), launch)
 
 
@@ -274,6 +276,8 @@ class _Scope:
     """Arguments passed to the file."""
     private: tuple[str, ...] | None = None
     """The node of private names; None outside of a node."""
+    broken: dict[str, Finding] = field(default_factory=dict[str, Finding])
+    """Arguments whose default cannot be filled in: what is wrong with it."""
 
 
 class LaunchReader:
@@ -289,6 +293,10 @@ class LaunchReader:
         self._remaps: list[tuple[str, str, Location]] = []
         self._skipped: list[str] = []
         """Includes that were not found."""
+        self._broken: list[Finding] = []
+        """Defaults of arguments that cannot be filled in, as long as nothing of move_base needs them."""
+        self._has_gaps = False
+        """True if a group, an include or a node is skipped because of an error."""
         self.descriptions: list[tuple[Path, dict[str, str]]] = []
         """URDF and xacro files that the launch files name, each with its arguments."""
 
@@ -300,6 +308,9 @@ class LaunchReader:
         scope = _Scope(path, shown, passed=arguments)
         self._children(root, scope)
         self._report(shown, [name for name in arguments if name not in scope.arguments], arguments)
+        for found in self._broken:
+            message = f"{found.message}. roslaunch needs it, the parameters of move_base do not"
+            self.findings.append(replace(found, severity="warning", message=message))
         if not self._nodes:
             return None
         space: Space | None = self._server
@@ -314,6 +325,8 @@ class LaunchReader:
                 f"{name}:={_short(arguments[name])} has no effect: the launch file has no argument {name}; remove it"
             )
             self.add_finding("warning", "launch", at, message)
+        if not self._nodes and self._has_gaps:
+            return  # the node may be in what was skipped, which has an error
         if not self._nodes:
             absent = f" (not found: {', '.join(self._skipped[:3])})" if self._skipped else ""
             message = f"the launch file starts no move_base node{absent}; name the launch file that starts it"
@@ -352,7 +365,7 @@ class LaunchReader:
                 if self._is_active(child, scope):
                     self._element(child, scope)
             except _SkipElement:
-                continue
+                self._has_gaps |= child.tag in ("group", "include", "node")
 
     def _element(self, element: Element, scope: _Scope) -> None:
         match element.tag:
@@ -362,7 +375,7 @@ class LaunchReader:
                 namespace = self._namespace(element, scope)
                 arguments = dict(scope.arguments)
                 self._children(
-                    element, _Scope(scope.path, scope.shown, namespace, arguments, scope.passed, scope.private)
+                    element, replace(scope, namespace=namespace, arguments=arguments, broken=dict(scope.broken))
                 )
             case "include":
                 self._include(element, scope)
@@ -418,10 +431,13 @@ class LaunchReader:
                 )
             return filled
         except ValueError as exc:
-            message = str(exc)
-            if is_expression(text):
-                message = f"{_value_of(element)}: {message}"
-            self.add_finding("error", "launch", self._at(element, scope), message)
+            cause = next((scope.broken[name] for name in _arguments_in(text) if name in scope.broken), None)
+            if cause is None:
+                message = f"{_value_of(element)}: {exc}" if is_expression(text) else str(exc)
+                self.add_finding("error", "launch", self._at(element, scope), message)
+            elif cause in self._broken:
+                self._broken.remove(cause)
+                self.findings.append(cause)
             raise _SkipElement from exc
 
     def _namespace(self, element: Element, scope: _Scope) -> tuple[str, ...]:
@@ -436,7 +452,25 @@ class LaunchReader:
         elif name in scope.passed:
             scope.arguments[name] = scope.passed[name]
         elif "default" in element.attributes:
+            self._default(name, element, scope)
+
+    def _default(self, name: str, element: Element, scope: _Scope) -> None:
+        """Set an argument to its default. One that cannot be filled in is an error where it is used."""
+        before = len(self.findings)
+        needed = next(
+            (scope.broken[n] for n in _arguments_in(element.attributes["default"]) if n in scope.broken), None
+        )
+        if needed is not None:
+            scope.broken[name] = needed
+            return
+        try:
             scope.arguments[name] = self._get(element, "default", scope)
+            scope.broken.pop(name, None)
+        except _SkipElement:
+            [found] = self.findings[before:]
+            del self.findings[before:]
+            scope.broken[name] = found
+            self._broken.append(found)
 
     def _include(self, element: Element, scope: _Scope) -> None:
         before = len(self.findings)
@@ -467,7 +501,7 @@ class LaunchReader:
     def _passed(self, element: Element, scope: _Scope) -> dict[str, str]:
         """The arguments that an include passes on."""
         passed = dict(scope.arguments) if element.attributes.get("pass_all_args") == "true" else {}
-        inner = _Scope(scope.path, scope.shown, scope.namespace, dict(scope.arguments))
+        inner = replace(scope, arguments=dict(scope.arguments), passed={}, private=None, broken=dict(scope.broken))
         for child in element.children:
             if child.tag == "arg" and self._is_active(child, scope):
                 self._arg(child, inner)
@@ -484,7 +518,8 @@ class LaunchReader:
         name = self._get(element, "name", scope)
         private = (*self._namespace(element, scope), *parts_of(name))
         self._nodes.append((private, self._at(element, scope)))
-        self._children(element, _Scope(scope.path, scope.shown, private, dict(scope.arguments), scope.passed, private))
+        inner = replace(scope, namespace=private, arguments=dict(scope.arguments), private=private)
+        self._children(element, replace(inner, broken=dict(scope.broken)))
 
     # --- parameters ---------------------------------------------------------------------------------------------------
 
@@ -510,7 +545,17 @@ class LaunchReader:
         name = self._get(element, "name", scope)
         for source in ("textfile", "binfile", "command"):
             if source in element.attributes:
-                self._generated(name, source, self._get(element, source, scope), at, scope)
+                before = len(self.findings)
+                try:
+                    text = self._get(element, source, scope)
+                except _SkipElement:
+                    # not a parameter of move_base, so what is wrong with it is no error
+                    self.findings[before:] = [replace(f, severity="info") for f in self.findings[before:]]
+                    self.add_finding(
+                        "info", "launch", at, f"{_short(name)} is not made: its {source} cannot be filled in"
+                    )
+                    return
+                self._generated(name, source, text, at, scope)
                 return
         text = self._get(element, "value", scope)
         kind = element.attributes.get("type", "auto")
@@ -605,6 +650,11 @@ class LaunchReader:
         node, findings = parse_value(text, shown)
         self.findings += findings
         return node
+
+
+def _arguments_in(text: str) -> list[str]:
+    """Return the names of the arguments that a text uses."""
+    return [first or second for first, second in _USED.findall(text)]
 
 
 def _short(text: str) -> str:

@@ -250,6 +250,17 @@ document(
     __name__,
 )
 document(
+    "coarse-simulation",
+    "warning",
+    """A simulated trajectory has ceil(speed * sim_time / sim_granularity) points, and the last one is not scored, as in
+    ROS. One that is no longer than sim_granularity is checked only where the robot stands, so the robot drives into
+    obstacles that its costmap has. Example: with 0.2 m and 1.2 s, speeds of up to 0.17 m/s look nowhere.
+
+    Fix: set sim_granularity to half a cell (0.025 m is the default of ROS).
+    """,
+    __name__,
+)
+document(
     "minimum-over-maximum",
     "error",
     """A minimum speed is greater than its maximum, so there is no velocity to sample. This is an error.

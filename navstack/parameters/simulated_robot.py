@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.lidar_description import DescribedLidar
 from navstack.parameters.models.sim import BumperParams, LidarParams, SimParams
@@ -55,7 +57,7 @@ def follow_sources(
     topics = sorted(scans, key=lambda topic: (topic != first, list(reversed(scans)).index(topic)))
     if first and first not in scans:
         return sim
-    reach = {t: max(s.raytrace_range for s in wanted if s.topic.strip("/") == t) for t in scans}
+    readers = {topic: [s for s in wanted if s.topic.strip("/") == topic] for topic in scans}
     known = match_lidars(topics, described())
     lidars: dict[str, LidarParams] = {}
     frames: dict[str, DescribedLidar | None] = {}
@@ -65,7 +67,7 @@ def follow_sources(
             name = FIRST if number == 1 else f"{FIRST}_{number}"
             written = sim.sensors.get(name)
             lidar = written if isinstance(written, LidarParams) else LidarParams()
-            made = _lidar(lidar, topic, scans[topic], number, base_frame, found, reach[topic])
+            made = _lidar(lidar, topic, scans[topic], number, base_frame, found, readers[topic])
             if frames.setdefault(made.frame, found) != found:
                 made = made.model_copy(update={"frame": f"{made.frame}_{number}"})
             lidars[name] = made
@@ -79,9 +81,9 @@ def _lidar(
     number: int,
     base_frame: str,
     found: DescribedLidar | None,
-    reach: float,
+    readers: Sequence[SensorSource],
 ) -> LidarParams:
-    """The lidar that feeds a source; what the user wrote is kept."""
+    """The lidar that feeds a source and the other `readers` of its topic; what the user wrote is kept."""
     values: dict[str, Any] = {"topic": topic, "message": source.data_type}
     assumed: dict[str, Any] = {}
     if found is not None:
@@ -89,20 +91,30 @@ def _lidar(
         values |= {name: getattr(found, name) for name in found.FIELDS}
     else:
         frame = source.sensor_frame or (lidar.frame if number == 1 else f"{topic.replace('/', '_')}_link")
+        reach = max(reader.raytrace_range for reader in readers)
         assumed = {"fov": ASSUMED_FOV, "range_min": ASSUMED_RANGE_MIN, "range_max": reach}
         assumed = {k: v for k, v in assumed.items() if k not in lidar.model_fields_set}
         if not assumed.get("range_min", lidar.range_min) < assumed.get("range_max", lidar.range_max):
             assumed.pop("range_max", None)  # a source that clears nothing
     values["frame"] = frame
     height = values.get("height", lidar.height)
-    if not source.min_height <= height <= source.max_height and source.max_height > 0.0:
-        values["height"] = 0.5 * (max(source.min_height, 0.0) + source.max_height)
+    if not all(_accepts_height(reader, height) for reader in readers):
+        low, high = max(0.0, *(r.min_height for r in readers)), min(r.max_height for r in readers)
+        if high <= low:  # no height suits all of them
+            low, high = max(0.0, source.min_height), source.max_height
+        if high > 0.0:
+            values["height"] = 0.5 * (low + high)
     if frame == base_frame:
         values |= {"x": 0.0, "y": 0.0, "yaw": 0.0}
     kept = lidar.model_fields_set
     made = lidar.model_copy(update=assumed | {k: v for k, v in values.items() if k not in kept})
     made.model_fields_set.difference_update(assumed)
     return made
+
+
+def _accepts_height(source: SensorSource, height: float) -> bool:
+    """True if a source takes points at a height (m). Points are float32, so a limit of 0.3 m rejects a lidar at 0.3 m."""
+    return source.min_height <= float(np.float32(height)) <= source.max_height
 
 
 def match_lidars(topics: Sequence[str], described: Sequence[DescribedLidar]) -> dict[str, list[DescribedLidar]]:
@@ -171,8 +183,9 @@ def frames_of(configuration: Configuration) -> frozenset[str]:
 
 @rule("simulated-robot-blind", "warning")
 def simulated_robot_blind(configuration: Configuration) -> Iterator[Problem]:
-    """Simulator only: the lidar publishes on a topic (`scan`) or at a height that no observation source accepts. The
-    simulated robot sees nothing and collides with everything that is not on the map.
+    """Simulator only: the lidar publishes on a topic (`scan`) or at a height that no observation source of a costmap
+    accepts; the limits of the source, of its layer and of the voxels count. The simulated robot sees nothing there and
+    collides with everything that is not on the map.
 
     Fix: `navstack/sim/<lidar>/topic` or `height`.
     """
@@ -181,34 +194,43 @@ def simulated_robot_blind(configuration: Configuration) -> Iterator[Problem]:
     if not sim.lidars or not sources:
         return
     name, first = next(iter(sim.lidars.items()))
-    parameters = (f"/{next(iter(sources))}/topic",)
-    problem = ""
+    rejected: dict[str, Problem] = {}
+    seeing: set[str] = set()
     for lidar in sim.lidars.values():
         for path, source in sources.items():
             if source.topic.strip("/") != lidar.topic.strip("/"):
                 continue
+            costmap = path.partition("/")[0]
             mismatch = _mismatch(source, lidar.height, lidar.message)
             if mismatch is None:
-                return
-            problem, names = mismatch
-            problem = f"{path} rejects the scans of the simulated lidar on {first.topic}: {problem}; correct it or set "
-            problem += f"navstack/sim/{name}"
-            parameters = tuple(f"/{path}/{n}" for n in names)
-    if not problem:
+                seeing.add(costmap)
+                continue
+            why, names = mismatch
+            problem = f"{path} rejects the scans of the simulated lidar on {first.topic}: {why}; correct it or set "
+            rejected[costmap] = Problem(tuple(f"/{path}/{n}" for n in names), f"{problem}navstack/sim/{name}")
+    for costmap, problem in rejected.items():
+        if costmap not in seeing:
+            who = f"the {costmap} of the simulated robot" if seeing else "the simulated robot"
+            yield Problem(problem.parameters, f"{who} is blind: {problem.message}")
+            return
+    if not seeing:
         topics = ", ".join(sorted({source.topic.strip("/") for source in sources.values()}))
-        problem = (
+        message = (
             f"its lidar publishes on {first.topic}, but the costmaps listen to {topics}; set navstack/sim/{name}/topic"
         )
-    yield Problem(parameters, f"the simulated robot is blind: {problem}")
+        yield Problem((f"/{next(iter(sources))}/topic",), f"the simulated robot is blind: {message}")
 
 
 def _mismatch(source: SensorSource, height: float, message: str) -> tuple[str, tuple[str, str]] | None:
     """Why a source does not take a message of a lidar at a height (m), and the parameters that decide it; None if it does."""
     if source.data_type != message:
         return f"its data_type is {source.data_type}, not {message}", ("data_type", "topic")
-    if not source.min_height <= height <= source.max_height:
+    if not _accepts_height(source, height):
         heights = f"from {source.min_height:g} to {source.max_height:g} m"
-        return f"it accepts heights {heights}, and the lidar is at {height:g} m", (
+        edge = (
+            " (the points of a scan are rounded to float32)" if source.min_height <= height <= source.max_height else ""
+        )
+        return f"it accepts heights {heights}, and the lidar is at {height:g} m{edge}", (
             "min_obstacle_height",
             "max_obstacle_height",
         )

@@ -6,13 +6,15 @@ In a folder, the name of a file decides its role, the role its namespace and its
 from __future__ import annotations
 
 import difflib
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from navstack.core import data_folder, exists, is_file, resolved
-from navstack.parameters.findings import Location, finding
+from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.foreign import FOREIGN_PLANNERS
 from navstack.parameters.launch import LaunchReader, launch_argument
 from navstack.parameters.nav2.document import is_nav2, navigates
@@ -68,6 +70,9 @@ _NEEDED = ("base_local_planner", "base_global_planner", "footprint", "robot_radi
 _OF_MOVE_BASE = (*COSTMAPS, "base_local_planner", "base_global_planner")
 """Names of which a tree of move_base's parameters has at least one."""
 _MOVE_BASE = re.compile(rb"""<node\b[^>]*\btype\s*=\s*["']move_base["']""")
+
+_MAX_LAUNCHES = 3
+"""Launch files that a message lists."""
 
 _Files = list[tuple[Path, str]]
 """Files and their names in messages."""
@@ -445,7 +450,10 @@ def _read_named(out: Sources, text: str) -> None:
         if not namespace and _read_nav2_folder(out, path, shown):
             return
         if not _read_through_launch(out, path, shown, namespace):
+            before = len(out.findings)
             load_folder(out, path, shown, namespace)
+            if any(f.rule == "ambiguous" for f in out.findings[before:]):
+                out.findings[before:] = _with_launch_files(out.findings[before:], path, shown)
     elif exists(path) and path.suffix in (".launch", ".xml"):
         reader = LaunchReader(out.findings, out.files)
         space = reader.read(path, path_text, out.arguments)
@@ -477,6 +485,24 @@ def _read_nav2_folder(out: Sources, folder: Path, shown: str) -> bool:
         message = f"the folder has {len(found)} parameter files of Nav2; name the one that is meant: {names}"
         out.add_finding("error", "ambiguous", Location(shown), message)
     return bool(found)
+
+
+def _with_launch_files(findings: Sequence[Finding], folder: Path, shown: str) -> list[Finding]:
+    """Add the launch files of the package that load files of a folder to the findings about its ambiguous files."""
+    parent = resolved(folder).parent
+    above = [parent] if is_file(parent / "package.xml") else [parent, parent.parent]
+    mention = re.compile(rb"/" + re.escape(resolved(folder).name).encode() + rb"/")
+    found = [p for place in above for p in launch_files(place) if mention.search(p.read_bytes()[:MAX_BYTES])]
+    if not found:
+        return list(findings)
+    names = [os.path.relpath(path) if not Path(shown).is_absolute() else str(path) for path in dict.fromkeys(found)]
+    listed = " or ".join(names[:_MAX_LAUNCHES]) + (
+        f" or {len(names) - _MAX_LAUNCHES} more" if names[_MAX_LAUNCHES:] else ""
+    )
+    which = "the launch file that loads them" if len(names) == 1 else "a launch file that loads them"
+    return [
+        replace(f, message=f"{f.message}; or name {which}: {listed}") if f.rule == "ambiguous" else f for f in findings
+    ]
 
 
 def _read_through_launch(out: Sources, folder: Path, shown: str, namespace: str) -> bool:

@@ -12,6 +12,19 @@ MIN_WORD = 3
 _MOST_EDITS = 8
 """A name with so many wrong letters is another name."""
 _SEPARATORS = re.compile(r"[_\-. ]")
+_OPPOSITES: tuple[tuple[frozenset[str], ...], ...] = tuple(
+    tuple(frozenset(words.split()) for words in group)
+    for group in (
+        ("min minimum low lower", "max maximum high upper"),
+        ("x vx", "y vy", "th theta vth vtheta rot rotational yaw angular angle", "trans translational linear xy"),
+        ("global", "local"),
+        ("path", "goal", "obstacle"),
+        ("marking", "clearing"),
+        ("front", "rear", "left", "right"),
+        ("width", "height"),
+    )
+)
+"""Words that exclude each other: a name with one of a group is not a misspelt name with another one."""
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None:
@@ -65,8 +78,15 @@ def _edits(name: str, known: str, limit: int) -> int:
 
 
 def _is_near(name: str, known: str) -> bool:
-    """False if a whole word differs: NeoLocalPlanner is another planner than PalLocalPlanner, not a misspelt one."""
+    """False if a whole word differs: NeoLocalPlanner is another planner than PalLocalPlanner, not a misspelt one.
+
+    Nor is max_speed a misspelt min_speed, or vy_samples a misspelt vx_samples.
+    """
     words, others = ([w.lower() for w in _WORDS.findall(text)] for text in (name, known))
+    for group in _OPPOSITES:
+        one, other = ({i for i, kind in enumerate(group) if not kind.isdisjoint(text)} for text in (words, others))
+        if one and other and one != other:
+            return False
     if len(words) != len(others):
         return True
     return all(len(w) < MIN_WORD or difflib.SequenceMatcher(None, w, o).ratio() > 0.0 for w, o in zip(words, others))

@@ -362,7 +362,11 @@ class _UnusedCheck:
         if leaf.value is None and not space.path and (name in self.catalog.planners or name in FOREIGN_PLANNERS):
             return  # an empty namespace
         close = self._nearest(name, [n for m in models for n in iter_names(m)])
-        elsewhere = [p for p in self.catalog.home.get(name, []) if p != where]
+        # what ROS reads below a namespace is not meant for the simulated robot
+        own = not space.path or space.path.partition("/")[0] == "navstack"
+        elsewhere = [
+            p for p in self.catalog.home.get(name, []) if p != where and (own or not p.startswith("navstack/"))
+        ]
         far_off = all(self._distance(space, p) > _FAR for p in elsewhere)
         if elsewhere and not (far_off and close is not None) and self._elsewhere(space, leaf, elsewhere):
             return
@@ -399,9 +403,14 @@ class _UnusedCheck:
             message = f"{name} is a parameter of {package}, not of {where}, and has no effect; remove it"
             self._add("warning", "unknown", leaf, message)
             return
+        if where in self.catalog.home.get(name, ()):
+            message = f"{name} has no effect, because the type of {where} does not read it here; remove it"
+            self._add("warning", "unknown", leaf, message)
+            return
         far = self._nearest(name, self.catalog.home, cutoff=0.86)
-        if far is not None:
-            meant = f"{self._likely(self.catalog.home[far])[0]}/{far}"
+        place = self._likely(self.catalog.home[far])[0] if far is not None else ""
+        if place and not place.startswith("navstack/") and self._is_in_use(place):
+            meant = f"{place}/{far}"
             message = f"{name} is not a parameter of {where} and has no effect; did you mean {meant}?"
             self._add("warning", "unknown", leaf, message, meant)
             return
@@ -427,6 +436,8 @@ class _UnusedCheck:
             first = readers[0]
         if self._distance(space, first) > _FAR and len(places) > 2:
             return False
+        if not self._is_in_use(first) and first not in space.children:
+            return self._beside_use(where, leaf, first)
         if first == "move_base":
             beside = space.path.partition("/")[0]
             message = f"{name} has no effect under {where}; move it to the root, next to {beside}"
@@ -437,6 +448,20 @@ class _UnusedCheck:
                 to = " and ".join(f"{c}/{name}" for c in COSTMAPS)
             message = f"{name} has no effect under {where}; did you mean {to}?"
             self._add("warning", "elsewhere", leaf, message, to)
+        return True
+
+    def _is_in_use(self, place: str) -> bool:
+        """True if move_base reads a namespace of that name."""
+        return place == "move_base" or any(place in (path, path.rpartition("/")[2]) for path in self.models)
+
+    def _beside_use(self, where: str, leaf: Leaf, place: str) -> bool:
+        """Report a parameter of a planner that is not in use; False for other plugins, whose names are no hint."""
+        if place not in self.catalog.planners:
+            return False
+        message = (
+            f"{leaf.name} is a parameter of {place}, which is not in use, and has no effect under {where}; remove it"
+        )
+        self._add("warning", "elsewhere", leaf, message)
         return True
 
     def _already_there(self, space: Space, leaf: Leaf, place: str) -> bool:

@@ -68,16 +68,32 @@ EXPLAIN_FAILURES: Final = frozenset(
         "fixed-window",
         "turns-too-tight",
         "deadband-too-large",
+        "cannot-start",
+        "window-too-small",
+        "inflation-under-radius",
+        "sideways-command",
+        "default-planner",
     }
 )
-"""Rules of `navstack check` whose finding explains robots that stop, turn in place or circle around their goal."""
+"""Rules of `navstack check` whose warning explains robots that stop, turn in place or circle around their goal."""
 MUCH_TURNING_S: Final = 15.0
 MUCH_TURNING: Final = 0.25
 """A run that turns in place for longer than both, this time and this share of its time, has a cause worth searching."""
 
 
-EXPLAIN_COLLISIONS: Final = frozenset({"assumed-lidar", "nothing-feeds", "simulated-robot-blind"})
-"""Rules whose finding explains collisions: the simulated robot sees other things than the real one."""
+EXPLAIN_COLLISIONS: Final = frozenset(
+    {
+        "assumed-lidar",
+        "nothing-feeds",
+        "simulated-robot-blind",
+        "blind",
+        "clearing-only",
+        "updates-too-slow",
+        "stopping-time",
+        "coarse-simulation",
+    }
+)
+"""Rules whose finding explains collisions: the robot sees other things than the real one, nothing, or too late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,18 +154,20 @@ def collision_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
 def advice_for(metrics: RunMetrics, findings: Sequence[Finding], collisions: int = 0) -> tuple[str, ...]:
     """Return what may explain a run that missed goals, collided, or turned in place for long; none for other runs.
 
-    These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose.
+    These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose, and so do
+    recovery behaviors: their time is subtracted.
     """
-    turning = metrics.turning_s > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
+    turned = metrics.turning_s - metrics.state_s.get("CLEARING", 0.0)
+    turning = turned > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
     advice = list(collision_advice(findings)) if collisions else []
     if metrics.succeeded < metrics.goals or turning:
         advice += failure_advice(findings)
     if turning:
         advice.append(
-            f"the robot turned in place for {metrics.turning_s:.0f} s of {metrics.time_s:.0f} s; navstack doctor tries the "
-            "fixes of the usual causes and measures their effect"
+            f"the robot turned in place for {turned:.0f} s of {metrics.time_s:.0f} s; navstack doctor tries the fixes of the "
+            "usual causes and measures their effect"
         )
-    return tuple(advice)
+    return tuple(dict.fromkeys(advice))
 
 
 def _findings_of(rules: Collection[str], findings: Sequence[Finding]) -> tuple[str, ...]:

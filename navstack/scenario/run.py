@@ -43,7 +43,7 @@ def advice_of(record: Record) -> tuple[str, ...]:
         findings = Scenario.from_record(record).configuration.findings
     except NavError:  # a log, or parameters of another version
         findings = ()
-    return advice_for(metrics_of(record), findings)
+    return advice_for(metrics_of(record), findings, len(record.collisions))
 
 
 def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.core.collision import footprint_cost
-from navstack.local_planner.trajectory_rollout.escape import ON_LETHAL, perimeter_cost
 
 RESOLUTION = 0.05
 CELLS = 60
@@ -49,7 +48,6 @@ def test_every_overlapped_cell_counts(footprint: Footprint, x: float, y: float, 
         if area[iy, ix] < 1e-9:  # a tenth of a micrometer: rounding decides
             continue
         assert footprint_cost(Costmap(geometry, costs), footprint, pose) == 254, (ix, iy, area[iy, ix])
-        assert perimeter_cost(costs, -1.5, -1.5, RESOLUTION, footprint.vertices, x, y, yaw, 1.0) == ON_LETHAL
 
 
 @pytest.mark.slow

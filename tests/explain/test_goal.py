@@ -14,7 +14,7 @@ from PIL import Image
 
 from navstack.cli.app import run
 from navstack.core import Event, InputError, Pose2D, RecordError
-from navstack.explain.goal import GoalReport, TimelineEntry, explain_goal, explain_goals, plan_lines
+from navstack.explain.goal import GoalReport, TimelineEntry, collision_text, explain_goal, explain_goals, plan_lines
 from navstack.map_io import load_map, map_path
 from navstack.parameters import load_configuration
 from navstack.record import Record
@@ -298,3 +298,20 @@ def test_a_goal_names_the_sensor_that_went_blind() -> None:
     report = explain_goal(record, 1)
     assert 'of "scan" are valid' in of(report, "warning")[0].text
     assert 'of "scan" are valid' in of(report, "end")[0].text
+
+
+def test_a_collision_says_whether_the_local_costmap_had_the_obstacle(record: Record) -> None:
+    t = record.duration
+    costmap = record.costmap_at("local", t)
+    assert costmap is not None
+    g = costmap.geometry
+    iy, ix = np.argwhere(costmap.data == 254)[0].tolist()
+    to_global = record.to_global(record.costmap_frame("local"), t)
+    [(x, y)] = to_global.apply_points(np.array([g.cell_to_world(ix, iy)])).tolist()
+    # the footprint touches the marked cell, with any heading
+    for yaw in (0.0, 2.0):
+        near = collision_text(record, t, Pose2D(x - record.footprint.inscribed_radius, y, yaw))
+        assert re.fullmatch(r"collision at \(.*\) with an obstacle that the local costmap had, marked at \(.*\)", near)
+    far = collision_text(record, t, Pose2D(x + 100.0, y, 0.0))
+    assert "an obstacle that the local costmap did not have; the nearest one that it had, at" in far
+    assert collision_text(record, -1.0, Pose2D(1.0, 2.0, 0.0)) == "collision at (1.00, 2.00)"

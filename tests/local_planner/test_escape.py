@@ -64,6 +64,13 @@ def test_backs_away_from_a_wall_inside_the_padding() -> None:
     assert plan.trajectory is not None and -0.3 < plan.trajectory[-1, 0] < -0.1  # only the checked part
 
 
+def test_backs_off_what_the_footprint_encloses() -> None:
+    """A mark under the robot rejects every sample; it must not keep the robot from leaving it."""
+    grid = costmap((-0.08, 0.02))
+    plan = planner(escape_vel=-0.3).compute_command(at(Pose2D(0.0, 0.0), grid))
+    assert plan.mode == "escape" and plan.command == Twist2D(-0.3, 0.0, 0.0)
+
+
 @pytest.mark.parametrize("behind", [-0.19, -0.27])
 def test_does_not_back_into_an_obstacle(behind: float) -> None:
     wall = [(x, y) for x in (0.19, behind) for y in np.arange(-0.5, 0.5, 0.04)]

@@ -75,6 +75,13 @@ def test_a_blocked_robot_is_stopped_and_the_goal_ends_with_the_reason() -> None:
     assert all("it may push against something" in text for text in texts)
 
 
+def test_a_robot_that_is_only_commanded_sideways_is_told_so() -> None:
+    check, still = StallCheck(), RobotState(Pose2D(0.0, 0.0, 0.0), Twist2D())
+    with pytest.raises(NoProgressError, match=r"cannot drive sideways: set holonomic_robot: false .* max_vel_y: 0"):
+        for step in range(40):
+            check.check(still, Twist2D(0.0, -0.1, 0.0), LIMITS, TIMEOUT, 0.2 * step)
+
+
 def test_no_timeout_no_check() -> None:
     bench = blocked_bench(timeout=0.0)
     handle = bench.move_base.send_goal(Pose2D(5.0, 0.0, 0.0))

@@ -836,6 +836,39 @@ def test_the_simulated_lidars_follow_the_observation_sources() -> None:
     assert not [f for f in kept.findings if f.rule == "assumed-lidar"]
 
 
+@pytest.mark.parametrize(
+    ("layer", "scan", "height"),
+    [
+        # points are float32: 0.3 m is above 0.3
+        ({}, {"min_obstacle_height": 0.1, "max_obstacle_height": 0.3}, 0.2),
+        # the limit of the layer applies as well
+        ({"max_obstacle_height": 0.2}, {}, 0.1),
+    ],
+)
+def test_an_assumed_lidar_has_a_height_that_its_costmaps_accept(
+    layer: dict[str, Any], scan: dict[str, Any], height: float
+) -> None:
+    written = {**layer, "observation_sources": "scan", "scan": {"data_type": "LaserScan", "topic": "scan", **scan}}
+    both = robot(global_costmap__obstacle_layer=written, local_costmap__obstacle_layer=written)
+    assert load_configuration([both]).navstack.sim.lidar("laser").height == pytest.approx(height)
+    # a height that is written is kept, and its mismatch is a warning
+    both["navstack"] = {"sim": {"laser": {"height": 0.3}}}
+    [blind] = [f for f in check(both) if f.rule == "simulated-robot-blind"]
+    assert "it accepts heights" in blind.message and "the lidar is at 0.3 m" in blind.message
+
+
+def test_an_assumed_lidar_is_within_the_voxels() -> None:
+    scan = {"data_type": "LaserScan", "topic": "scan"}
+    voxels = {"observation_sources": "scan", "scan": scan, "z_voxels": 3, "z_resolution": 0.1}
+    plugins = [{"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}, INFLATION]
+    local = robot(local_costmap__plugins=plugins, local_costmap__obstacle_layer=voxels)
+    assert load_configuration([local]).navstack.sim.lidar("laser").height < 0.3
+    # the global costmap sees a lidar at 0.5 m, the voxels do not
+    local["navstack"] = {"sim": {"laser": {"height": 0.5}}}
+    [blind] = [f for f in check(local) if f.rule == "simulated-robot-blind"]
+    assert "the local_costmap of the simulated robot is blind" in blind.message
+
+
 def test_sources_that_the_simulated_robot_does_not_feed_are_warnings() -> None:
     scan = {"data_type": "LaserScan", "topic": "scan"}
     camera = {"data_type": "PointCloud", "topic": "camera/points"}
@@ -871,3 +904,54 @@ def test_sideways_commands_and_the_base() -> None:
     navstack = {"sim": {"kinematics": "differential"}}
     assert loaded(max_vel_y=0.3, min_vel_y=-0.3) == ("differential", True)
     assert loaded(max_vel_y=0.3, min_vel_y=-0.3, acc_lim_y=0.0) == ("differential", False)
+
+
+# --- suggestions ------------------------------------------------------------------------------------------------------
+
+
+def messages_about(name: str, *sources: Any) -> list[str]:
+    return [f.message for f in check_parameters(list(sources)) if f.key.rpartition("/")[2] == name]
+
+
+@pytest.mark.parametrize(
+    ("planner", "name", "never"),
+    [
+        ("base_local_planner/TrajectoryPlannerROS", "max_in_place_vel_theta", "min_in_place_vel_theta"),
+        ("base_local_planner/TrajectoryPlannerROS", "vy_samples", "vx_samples"),
+        ("base_local_planner/TrajectoryPlannerROS", "acc_limit_trans", "acc_lim_theta"),
+        ("dwa_local_planner/DWAPlannerROS", "min_vel_trasn", None),
+    ],
+)
+def test_a_name_of_the_opposite_is_not_suggested(planner: str, name: str, never: str | None) -> None:
+    values = robot(base_local_planner=planner)
+    values[planner.rpartition("/")[2]] = {name: 1.0}
+    [message] = messages_about(name, values)
+    if never is None:
+        assert "did you mean min_vel_trans?" in message
+    else:
+        assert never not in message
+
+
+def test_a_parameter_of_a_planner_that_is_not_in_use_is_not_to_be_moved_there() -> None:
+    [message] = messages_about("simple_attractor", robot(DWAPlannerROS={"simple_attractor": True}))
+    assert message == (
+        "simple_attractor is a parameter of TrajectoryPlannerROS, which is not in use, and has no effect under "
+        "DWAPlannerROS; remove it"
+    )
+
+
+def test_a_name_without_a_home_nearby_gets_no_far_fetched_suggestion() -> None:
+    """Some plugin somewhere reads a `radius` and a `type`."""
+    clear = {"name": "reset", "type": "clear_costmap_recovery/ClearCostmapRecovery"}
+    values = robot(recovery_behaviors=[clear], reset={"type": "x"}, global_costmap__radius=0.4)
+    for name in ("radius", "type"):
+        for message in messages_about(name, values):
+            assert "did you mean" not in message and "remove it" in message
+
+
+def test_a_parameter_that_the_type_of_a_layer_does_not_read() -> None:
+    """The local costmap has a voxel layer of the name that is an obstacle layer in the global one."""
+    voxels = [{"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}, INFLATION]
+    values = robot(local_costmap__plugins=voxels, global_costmap__obstacle_layer={**SCAN, "unknown_threshold": 9})
+    [message] = messages_about("unknown_threshold", values)
+    assert "did you mean" not in message and "remove it" in message

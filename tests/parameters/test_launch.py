@@ -372,3 +372,37 @@ def test_naming_the_folder_that_is_meant_works(tmp_path: Path) -> None:
     for name in message.rpartition(": ")[2].split(" or "):
         made = tree(str(folder), name)
         assert made["planner_frequency"] == 1.0 and made["local_costmap"] == {"global_frame": Path(name).name}
+
+
+# --- defaults that cannot be filled in --------------------------------------------------------------------------------
+
+
+def test_a_broken_default_is_an_error_only_if_move_base_needs_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NOBODY", raising=False)
+    argument = '<arg name="map" default="/home/$(env NOBODY)/map.yaml"/><arg name="above" default="$(arg map)/.."/>'
+    other = '<node pkg="map_server" type="map_server" name="map_server" args="$(arg map)"/>'
+    file = launch(tmp_path, argument + other + NODE.format(""))
+    [unused] = [f for f in read_sources([file]).findings if "NOBODY" in f.message]
+    assert unused.severity == "warning" and unused.message.endswith("the parameters of move_base do not")
+    # directly, or through another default; one error about the default, not one about a missing value
+    for use in ("$(arg map)", "$(arg above)", "$(eval arg('map') + 'x')"):
+        inside = f'<param name="base_global_planner" value="{use}"/>'
+        file = launch(tmp_path, argument + NODE.format(inside))
+        assert errors(file) == ["the environment variable NOBODY is not set; set it or write the value"]
+
+
+def test_a_robot_description_that_cannot_be_filled_in_is_a_note(tmp_path: Path) -> None:
+    arguments = """<arg name="model" default=""/><arg name="arm" default="$(eval arg('model').split('_')[1])"/>"""
+    description = '<param name="robot_description" command="xacro $(arg arm).xacro"/>'
+    file = launch(tmp_path, arguments + description + NODE.format(""))
+    assert errors(file) == []
+    findings = read_sources([file]).findings
+    assert "robot_description is not made: its command cannot be filled in" in [f.message for f in findings]
+
+
+def test_a_skipped_group_is_not_a_missing_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOBODY", raising=False)
+    file = launch(tmp_path, f'<group ns="$(env NOBODY)">{NODE.format("")}</group>')
+    assert errors(file) == ["the environment variable NOBODY is not set; set it or write the value"]

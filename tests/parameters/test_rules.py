@@ -74,9 +74,13 @@ def test_weights_that_are_large_on_both_scales_do_not_suggest_indigo() -> None:
 @pytest.mark.parametrize(
     ("rule", "more", "numbers"),
     [
-        ("window-too-small", {"DWAPlannerROS": {"sim_time": 4.0, "max_vel_x": 1.5}}, ("5 m", "6.33", "12.7 m")),
+        ("window-too-small", {"DWAPlannerROS": {"sim_time": 4.0, "max_vel_x": 1.5, "max_vel_trans": 2.0}},
+         ("5 m", "6.33", "12.7 m", "max_vel_x 1.5")),
         ("cannot-start", {"DWAPlannerROS": {"acc_lim_x": 1.0, "acc_lim_theta": 2.0}}, ("0.05", "0.1 rad/s", "20 Hz")),
-        ("stopping-time", {"DWAPlannerROS": {"max_vel_x": 1.0, "acc_lim_x": 0.5}}, ("2 s", "1.7 s")),
+        ("stopping-time", {"DWAPlannerROS": {"max_vel_x": 3.0, "max_vel_trans": 1.0, "acc_lim_x": 0.5}},
+         ("2 s", "1.7 s", "max_vel_trans 1 m/s")),
+        ("coarse-simulation", {"DWAPlannerROS": {"sim_granularity": 0.2, "sim_time": 1.2, "acc_lim_x": 0.5}},
+         ("0.2 m", "0.17 m/s", "1.2 s", "0.036 m", "0.025 m or less")),
         ("min-vel-trans-zero", {"DWAPlannerROS": {"min_vel_trans": 0.0}}, ("0.4",)),
         ("tolerance-under-cell", {"DWAPlannerROS": {"xy_goal_tolerance": 0.01}}, ("0.01", "0.05")),
         ("yaw-tolerance", {"DWAPlannerROS": {"yaw_goal_tolerance": 0.005}}, ("0.005", "0.02")),
@@ -110,6 +114,14 @@ def test_each_rule_finds_its_combination_with_the_numbers(
     # a warning does not prevent loading, and the correct robot has none
     load_configuration([robot(**more)])
     assert rule not in rules_of()
+
+
+def test_dwa_is_as_fast_as_the_lower_of_its_two_limits() -> None:
+    """A sample above max_vel_trans is rejected, so a greater max_vel_x reaches no farther."""
+    fast = {"max_vel_x": 4.0, "max_vel_trans": 0.5, "sim_time": 2.0, "acc_lim_x": 1.0}
+    assert rules_of(DWAPlannerROS=fast).isdisjoint({"window-too-small", "stopping-time", "updates-too-slow"})
+    one = found("updates-too-slow", DWAPlannerROS=fast, local_costmap__update_frequency=1.0)
+    assert "0.5 m between two updates (max_vel_trans 0.5 m/s)" in one.message
 
 
 def test_a_recovery_layer_of_one_costmap_is_accepted() -> None:

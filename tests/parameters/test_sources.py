@@ -218,3 +218,15 @@ def test_names_of_many_parts(name: str, tmp_path: Path) -> None:
     assert read.root.as_dict()["c"] == 2
     assert "too-deep" in {f.rule for f in read_sources([str(path)], [f"{name}=1"]).findings}
     assert len(list(read.root.leaves())) == 1
+
+
+def test_an_ambiguous_folder_names_the_launch_file_that_loads_it(tmp_path: Path) -> None:
+    package = tmp_path / "robot"
+    write(package / "config", costmap_global_static="a: 1", costmap_global_laser="a: 2")
+    (package / "launch").mkdir()
+    node = '<launch><node pkg="move_base" type="move_base" name="move_base">{}</node></launch>'
+    load = '<rosparam file="$(find robot)/config/costmap_global_static.yaml" command="load" ns="global_costmap"/>'
+    (package / "launch" / "drive.launch").write_text(node.format(load))
+    (package / "launch" / "other.launch").write_text(node.format(""))
+    [found] = [f for f in read_sources([str(package / "config")]).findings if f.severity == "error"]
+    assert found.message.endswith(f"; or name the launch file that loads them: {package / 'launch' / 'drive.launch'}")

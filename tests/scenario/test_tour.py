@@ -15,7 +15,7 @@ import navstack as nav
 from navstack.cli.app import run as command
 from navstack.core import InputError, Pose2D, Twist2D
 from navstack.map_io import map_names, map_path
-from navstack.parameters import load_configuration
+from navstack.parameters import Finding, load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, drive_tour, run_scenario
 from navstack.scenario.outcome import MUCH_TURNING, MUCH_TURNING_S, advice_for
@@ -253,3 +253,8 @@ def test_long_turns_in_place_are_a_possible_cause_even_if_every_goal_was_reached
     assert advice_for(replace(turning, turning_s=at_most), ()) == ()
     assert advice_for(replace(turning, turning_s=np.nextafter(at_most, 99.0)), ())
     assert advice_for(replace(turning, state_s={"MOTION": 50.0}), ()) == ()
+    # recovery behaviors turn on purpose
+    assert advice_for(replace(turning, state_s={"CLEARING": 40.0}), ()) == ()
+    late = Finding("warning", "updates-too-slow", "a.yaml", 3, 1, "local_costmap/update_frequency", "too low")
+    assert advice_for(metrics, (late,)) == ()
+    assert advice_for(metrics, (late,), collisions=1) == ("a.yaml:3:1: too low",)

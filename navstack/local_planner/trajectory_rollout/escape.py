@@ -20,8 +20,6 @@ from navstack.core import (
     kernel,
     line_next,
     line_start,
-    overlaps_lethal,
-    place_footprint,
 )
 from navstack.plugins import Rollouts, ScoringContext
 
@@ -197,8 +195,9 @@ def free_backup_points(context: ScoringContext, rollouts: Rollouts, distance: fl
     """Points of the last rollout, which backs up, that come no nearer to an obstacle than the robot is; 0 if they do.
 
     ROS differs: C++ backs up without a check. Here the footprint may overlap lethal cells (it is padded, and cells are
-    coarse), but scaled down until it is free at the current pose, it must stay free for `distance` (m) and the braking
-    distance, to half a cell.
+    coarse), but scaled down until its outline is free at the current pose, the outline must stay free for `distance` (m) and
+    the braking distance, to half a cell. What enters the footprint crosses its outline; what is inside of it already must not
+    keep the robot from leaving, so enclosed cells do not count here.
     """
     g, acceleration = context.costmap.geometry, context.limits.acc_lim_x
     speed = abs(float(rollouts.commands[-1, 0]))
@@ -233,18 +232,17 @@ ON_LETHAL, ON_UNKNOWN, OFF_MAP = -1, -2, -3
 def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, scale):
     """Highest cost along the edges of the footprint `vertices` (n, 2), scaled by `scale`; ON_LETHAL, ON_UNKNOWN or OFF_MAP.
 
-    ON_LETHAL also if the footprint overlaps a lethal cell elsewhere. ROS differs: only the cells of its edges are checked.
+    That is base_local_planner's CostmapModel::footprintCost: cells inside of the edges do not count.
     """
     number = len(vertices)
     corners = np.empty((2, number))
     for j in range(number):
         corners[0, j] = scale * vertices[j, 0]
         corners[1, j] = scale * vertices[j, 1]
-    cells, placed = np.empty((2, number), np.int32), np.empty((2, number))
+    cells = np.empty((2, number), np.int32)
     highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cells)
     if highest < 254:
-        place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
-        return ON_LETHAL if overlaps_lethal(costs, placed) else highest
+        return highest
     return collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw)
 
 
