@@ -96,6 +96,8 @@ if TYPE_CHECKING:
     from navstack.core.jit import kernel as kernel
     from navstack.core.jit import plain_kernel as plain_kernel
     from navstack.core.kernel_cache import cache_folder as cache_folder
+    from navstack.core.kernel_cache import compile_seconds as compile_seconds
+    from navstack.core.kernel_cache import working_time as working_time
     from navstack.core.kinematics import DifferentialDrive as DifferentialDrive
     from navstack.core.kinematics import MecanumDrive as MecanumDrive
     from navstack.core.kinematics import OmniDrive as OmniDrive

@@ -40,7 +40,9 @@ if TYPE_CHECKING:
     from navstack.scenario.success import ConditionResult as ConditionResult
     from navstack.scenario.success import SuccessConditions as SuccessConditions
     from navstack.scenario.suites import load_suite as load_suite
+    from navstack.scenario.suites import scaled as scaled
     from navstack.scenario.suites import suite_names as suite_names
+    from navstack.scenario.suites import suite_scale as suite_scale
     from navstack.scenario.tour import TourResult as TourResult
     from navstack.scenario.tour import TourState as TourState
     from navstack.scenario.tour import drive_tour as drive_tour

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from navstack.behaviors import Step, motion_of
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
-from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle
+from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle, working_time
 from navstack.move_base import MotionHandle, MoveBase
 from navstack.plugins import Behavior
 from navstack.record import (
@@ -149,7 +148,7 @@ class Run:
             listening.insert(0, self.recorder)
         self.timings: Timings | None = None
         if timings is not False:
-            self.timings = Timings() if timings is True else timings
+            self.timings = Timings(clock=working_time) if timings is True else timings
         self.move_base = build_move_base(
             configuration,
             self.robot,
@@ -407,7 +406,7 @@ def run_scenario(
 
     Raises InputError or PlanningError if the robot cannot start.
     """
-    wall_start = time.perf_counter()
+    wall_start = working_time()
     run = Run(scenario, record=record, scans=scans, spool=spool, timings=timings, listeners=listeners)
     while True:
         if stop is not None and stop():
@@ -417,4 +416,4 @@ def run_scenario(
             break
         if progress is not None:
             progress(run.robot.time, run.goal_index)
-    return run.result(time.perf_counter() - wall_start)
+    return run.result(working_time() - wall_start)
