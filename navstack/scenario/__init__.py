@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from navstack.scenario.recognition import is_scenario_file as is_scenario_file
     from navstack.scenario.recognition import shipped_scenarios as shipped_scenarios
     from navstack.scenario.run import Run as Run
+    from navstack.scenario.run import advice_for_goal as advice_for_goal
     from navstack.scenario.run import advice_of as advice_of
     from navstack.scenario.run import run_scenario as run_scenario
     from navstack.scenario.run import warm_up as warm_up

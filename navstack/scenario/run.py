@@ -16,6 +16,7 @@ from navstack.behaviors import Step, motion_of
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
 from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle, working_time
 from navstack.move_base import MotionHandle, MoveBase
+from navstack.parameters import Finding
 from navstack.plugins import Behavior
 from navstack.record import (
     Record,
@@ -42,7 +43,13 @@ def advice_of(record: Record) -> tuple[str, ...]:
         findings = Scenario.from_record(record).configuration.findings
     except NavError:  # a log, or parameters of another version
         findings = ()
-    return advice_for(metrics_of(record), findings)
+    return advice_for(metrics_of(record), findings, len(record.collisions))
+
+
+def advice_for_goal(record: Record, findings: Sequence[Finding], *, failed: bool) -> tuple[str, ...]:
+    """Return what may explain one goal of a record, with the findings about the parameters in force; see `advice_for`."""
+    metrics = replace(metrics_of(record), goals=1, succeeded=int(not failed))
+    return advice_for(metrics, findings, len(record.collisions))
 
 
 def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:
