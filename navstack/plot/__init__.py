@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from navstack.plot.benchmarks import plot_success as plot_success
     from navstack.plot.benchmarks import plot_times as plot_times
     from navstack.plot.canvas import FORMATS as FORMATS
+    from navstack.plot.canvas import paper_style as paper_style
     from navstack.plot.commands import plot_commands as plot_commands
     from navstack.plot.commands import plot_replay as plot_replay
     from navstack.plot.commands import plot_steering as plot_steering
