@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from navstack.core.compilation import compile_ahead as compile_ahead
     from navstack.core.compilation import import_all_kernels as import_all_kernels
     from navstack.core.compilation import recorded_specializations as recorded_specializations
+    from navstack.core.compile_clock import compile_seconds as compile_seconds
+    from navstack.core.compile_clock import working_time as working_time
     from navstack.core.costs import FREE as FREE
     from navstack.core.costs import INSCRIBED as INSCRIBED
     from navstack.core.costs import LETHAL as LETHAL
@@ -96,8 +98,6 @@ if TYPE_CHECKING:
     from navstack.core.jit import kernel as kernel
     from navstack.core.jit import plain_kernel as plain_kernel
     from navstack.core.kernel_cache import cache_folder as cache_folder
-    from navstack.core.kernel_cache import compile_seconds as compile_seconds
-    from navstack.core.kernel_cache import working_time as working_time
     from navstack.core.kinematics import DifferentialDrive as DifferentialDrive
     from navstack.core.kinematics import MecanumDrive as MecanumDrive
     from navstack.core.kinematics import OmniDrive as OmniDrive

@@ -17,7 +17,6 @@ import os
 import pickle
 import shutil
 import sys
-import threading
 import time
 import types
 from functools import cache
@@ -35,6 +34,8 @@ from numba.core.runtime.nrt import rtsys
 from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 
+from navstack.core.compile_clock import compiling
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -43,29 +44,6 @@ _FORMAT: Final = 2
 _OUTDATED_S: Final = 30 * 86400.0
 _LONGEST_WAIT_S: Final = 120.0
 """Longest wait for another process that compiles the same specialization; then it is compiled here, too."""
-
-
-class _CompileClock(threading.local):
-    """Wall time that this thread has spent in the compilation of kernels, and how deep it is in nested ones."""
-
-    depth = 0
-    seconds = 0.0
-
-
-_CLOCK: Final = _CompileClock()
-
-
-def compile_seconds() -> float:
-    """Return the wall time (s) that this thread has spent compiling kernels, or loading compiled ones.
-
-    The difference of two values is what a measured time contains of it: each kernel is compiled at its first call.
-    """
-    return _CLOCK.seconds
-
-
-def working_time() -> float:
-    """Return a clock (s) that stands while this thread compiles kernels: for times that a second run reaches, too."""
-    return time.perf_counter() - _CLOCK.seconds
 
 
 class KernelSource(Protocol):
@@ -145,21 +123,14 @@ class KernelDispatcher(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         arguments, _ = normalize_signature(sig)
-        begin = time.perf_counter()
-        _CLOCK.depth += 1
-        try:
-            with global_compiler_lock:
-                depth = len(_CALLS)
-                try:
-                    return super().compile(arguments)
-                finally:
-                    del _CALLS[depth:]
-                    if isinstance(self._cache, DiskCache):
-                        self._cache.unlock()
-        finally:
-            _CLOCK.depth -= 1
-            if not _CLOCK.depth:
-                _CLOCK.seconds += time.perf_counter() - begin
+        with compiling(), global_compiler_lock:
+            depth = len(_CALLS)
+            try:
+                return super().compile(arguments)
+            finally:
+                del _CALLS[depth:]
+                if isinstance(self._cache, DiskCache):
+                    self._cache.unlock()
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Give the type of a call in another kernel; a constant is its type, except where typing needs the constant."""
