@@ -78,6 +78,11 @@ COMMANDS: Final = {
         "plot",
         "Draw a recorded run (map, costmaps, paths, footprints, goals), or a map with its places, grid and coordinates.",
     ),
+    "report": LazyCommand(
+        "report",
+        "report",
+        "Write the report of a run as one HTML file: map, goals, timeline, possible causes, film and metrics.",
+    ),
     "replay": LazyCommand(
         "replay",
         "replay",

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Final, get_type_hints
 
 import typer
 
-from navstack.core import OutputError, ensure_directory, is_dir
+from navstack.core import InputError, OutputError, ensure_directory, is_dir
 from navstack.map_io import map_names
 from navstack.parameters import NAV2_DISTROS, packaged_sets
-from navstack.plot import FORMATS
+from navstack.plot import FORMATS, paper_style
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The rule of `--out` in all commands: a name with a suffix is a file, otherwise a folder.
@@ -208,6 +208,26 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON document to s
 RunOutput = Annotated[
     Path,
     typer.Option("--out", metavar="DIR", help="Output folder: record, log, summary and picture.", callback=folder_only),
+]
+
+
+def _draw_in(context: typer.Context, style: str) -> str:
+    """Let the command draw its pictures in a style, until it ends. Raises InputError for an unknown one."""
+    if style not in ("screen", "paper"):
+        raise InputError(f'--style "{style}": unknown style; choose screen or paper', argument="--style", value=style)
+    if style == "paper":
+        context.with_resource(paper_style())
+    return style
+
+
+Style = Annotated[
+    str,
+    typer.Option(
+        "--style",
+        metavar="screen|paper",
+        help="Style of the picture; paper: one column wide (89 mm), white, small text, no title; best as .pdf or .svg.",
+        callback=_draw_in,
+    ),
 ]
 
 

@@ -81,6 +81,7 @@ class _Query(NamedTuple):
 def plan(
     chosen: PlanOptions,
     out: Annotated[Path | None, options.both_files("plan.png", "plan.json")] = None,
+    _style: options.Style = "screen",
     json_: options.Json = False,
 ) -> None:
     """Plan a path on a map with the global costmap and planner of a parameter set.

@@ -79,6 +79,7 @@ def plot(
     speed: Annotated[
         float, typer.Option("--speed", help="Simulated seconds per second of the animation.", min=0.1)
     ] = 4.0,
+    _style: options.Style = "screen",
     json_: options.Json = False,
 ) -> None:
     """Draw a recorded run (map, costmaps, paths, footprints, goals), or a map with its places, grid and coordinates."""

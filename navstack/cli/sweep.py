@@ -46,6 +46,8 @@ def sweep(
     evaluation = setup.evaluation()
     folder = ensure_directory(out)
     cases = len(evaluation.cases)
+    if setup.scale_text and not json_:
+        print_note(setup.scale_text)
     if not json_:
         print_note(f"{_count(len(chosen), 'candidate')}, each over {_count(cases, 'run')} of {setup.suite.name}")
     described = {**setup.described(), "method": method, "seed": search.seed}

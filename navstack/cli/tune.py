@@ -126,6 +126,8 @@ def tune(
 
 def _sensitivity(setup: Setup, out: Path, workers: int | None, command: str, json_: bool) -> int:
     if not json_:
+        if setup.scale_text:
+            print_note(setup.scale_text)
         count, runs = len(setup.space), len(setup.evaluation().cases)
         print_note(f"{count} parameter{'s' * (count != 1)}, each halved and doubled over {runs} run{'s' * (runs != 1)}")
     with counting_bar("driving", quiet=json_) as progress:
@@ -144,9 +146,11 @@ def _sensitivity(setup: Setup, out: Path, workers: int | None, command: str, jso
 
 
 def announce(setup: Setup, *, quiet: bool) -> None:
-    """Prints the search space, and a reminder to check the limits of the robot."""
+    """Prints the scale of the suite, the search space, and a reminder to check the limits of the robot."""
     if quiet:
         return
+    if setup.scale_text:
+        print_note(setup.scale_text)
     ranges = ", ".join(f"{d.name} {d.range_text()}" for d in setup.space)
     print_note(f"searching {len(setup.space)} parameters: {ranges}")
     limits = [f"{d.name.rpartition('/')[2]} up to {d.high:g} {d.unit}" for d in setup.space if d.robot]

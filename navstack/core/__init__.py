@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from navstack.core.compilation import compile_ahead as compile_ahead
     from navstack.core.compilation import import_all_kernels as import_all_kernels
     from navstack.core.compilation import recorded_specializations as recorded_specializations
+    from navstack.core.compile_clock import compile_seconds as compile_seconds
+    from navstack.core.compile_clock import working_time as working_time
     from navstack.core.costs import FREE as FREE
     from navstack.core.costs import INSCRIBED as INSCRIBED
     from navstack.core.costs import LETHAL as LETHAL

@@ -34,6 +34,8 @@ from numba.core.runtime.nrt import rtsys
 from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 
+from navstack.core.compile_clock import compiling
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -121,7 +123,7 @@ class KernelDispatcher(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         arguments, _ = normalize_signature(sig)
-        with global_compiler_lock:
+        with compiling(), global_compiler_lock:
             depth = len(_CALLS)
             try:
                 return super().compile(arguments)

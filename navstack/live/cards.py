@@ -178,8 +178,8 @@ def fan_of(report: CommandReport, at: Pose2D, sample: int | None = None) -> dict
     return {"rows": rows, "best": report.plan.best, "sample": sample, "time": report.time} if rows else None
 
 
-def goal_cards(report: GoalReport) -> list[Card]:
-    """Return the outcome of a goal and its timeline."""
+def goal_cards(report: GoalReport, causes: Sequence[str] = ()) -> list[Card]:
+    """Return the outcome of a goal, what may have caused it, and its timeline."""
     reached = report.status == "SUCCEEDED"
     tone = "good" if reached else "" if report.status in ("PENDING", "ACTIVE", "PREEMPTING") else "bad"
     states = ("PLANNING", "CONTROLLING", "CLEARING", "MOTION")
@@ -192,7 +192,10 @@ def goal_cards(report: GoalReport) -> list[Card]:
         )
         for line in report.timeline
     ]
-    return [card(f"Goal {report.number}", report.summary, tone=tone, facts=facts), card("What happened", lines=lines)]
+    made = [card(f"Goal {report.number}", report.summary, tone=tone, facts=facts)]
+    if causes:
+        made.append(card("Possible causes", tone="warn", lines=[("", _sentence(cause), "warn") for cause in causes]))
+    return [*made, card("What happened", lines=lines)]
 
 
 def passage_cards(report: PassageReport, number: int) -> list[Card]:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Event, InputError, LaserScan, jsonable
+from navstack.core import Event, InputError, LaserScan, compile_seconds, jsonable
 from navstack.explain import Replayed
 from navstack.live.checkpoints import Checkpoint, Checkpoints, Origin, Twin, digest_of, snapshot
 from navstack.record import RunRecorder
@@ -213,12 +213,12 @@ class Session:
         else:
             target = self._clock = min(self._clock + elapsed_s * self.speed, self.time + BACKLOG_S * self.speed)
         target = min(target, limit)
-        before = self.time
+        before, compiled = self.time, compile_seconds()
         while self.time < target and self._step() and timer() < started + budget_s:
             pass
         if self.speed is None:
             self._clock = self.time
-        self._measure(self.time - before, elapsed_s)
+        self._measure(self.time - before, elapsed_s - (compile_seconds() - compiled))
         return self.time > before
 
     def pause(self, paused: bool) -> None:

@@ -57,9 +57,9 @@ from navstack.live.messages import PROTOCOL, Frame
 from navstack.live.session import Session
 from navstack.live.view import has_camera
 from navstack.map_io import map_names, save_map
-from navstack.parameters import Configuration, load_configuration, packaged_sets
+from navstack.parameters import Configuration, Finding, load_configuration, packaged_sets
 from navstack.record import Record
-from navstack.scenario import load_places, scenario_text
+from navstack.scenario import advice_for_goal, load_places, scenario_text
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Why: the texts of `navstack explain` about a running session.
@@ -67,6 +67,7 @@ from navstack.scenario import load_places, scenario_text
 
 WIDTH = 100
 """Columns of the texts, as in a terminal of this width."""
+_FAILED = ("ABORTED", "REJECTED", "LOST")
 NEAR_M = 2.0
 """A click this far from an opening still asks about it (m)."""
 
@@ -117,10 +118,17 @@ def _sample_text(report: CommandReport, found: SampleReport) -> str:
     return "\n".join([*lines, "", report.summary])
 
 
-def what_happened(record: Record, number: int, goal_id: str | None = None) -> Explanation:
-    """Returns the timeline of a goal (from 1); `goal_id` as in `explain_goal`."""
+def what_happened(
+    record: Record, number: int, goal_id: str | None = None, findings: Sequence[Finding] = ()
+) -> Explanation:
+    """Returns the timeline of a goal (from 1), and what may explain its failure; `goal_id` as in `explain_goal`.
+
+    `findings` are those about the parameters in force.
+    """
     report = explain_goal(record, number, goal_id)
-    return Explanation(_printed(print_goal, report), goal_cards(report))
+    causes = advice_for_goal(record, findings, failed=report.status in _FAILED)
+    text = [_printed(print_goal, report), *(f"possible cause: {cause}" for cause in causes)]
+    return Explanation("\n".join(text), goal_cards(report, causes))
 
 
 def passages_of(configuration: Configuration, grid: OccupancyGrid) -> PassageReport:
@@ -323,7 +331,8 @@ class Stage:
         def explain() -> messages.Answer:
             if request.type == "explain_goal":
                 record, goal_id = twin.record_for_goal(request.number)
-                return self._answer(request, what_happened(record, request.number, goal_id))
+                findings = twin.configuration.findings
+                return self._answer(request, what_happened(record, request.number, goal_id, findings))
             time = twin.until if request.time is None else request.time
             record = twin.record_for_command(time)
             if request.sample is not None:

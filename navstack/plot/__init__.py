@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from navstack.plot.benchmarks import plot_success as plot_success
     from navstack.plot.benchmarks import plot_times as plot_times
     from navstack.plot.canvas import FORMATS as FORMATS
+    from navstack.plot.canvas import paper_style as paper_style
     from navstack.plot.commands import plot_commands as plot_commands
     from navstack.plot.commands import plot_replay as plot_replay
     from navstack.plot.commands import plot_steering as plot_steering
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from navstack.plot.maps import plot_map as plot_map
     from navstack.plot.passages import plot_passage_report as plot_passage_report
     from navstack.plot.plan import plot_plan as plot_plan
+    from navstack.plot.run import circumstances as circumstances
+    from navstack.plot.run import headline as headline
     from navstack.plot.run import plot_run as plot_run
     from navstack.plot.states import plot_states as plot_states
     from navstack.plot.tracking import plot_tracking as plot_tracking

@@ -10,8 +10,9 @@ import os
 import warnings
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,80 @@ _STYLE: dict[str, Any] = {
     "path.simplify_threshold": 0.2,
 }
 
+PAPER_WIDTH_IN: Final = 3.5
+"""Width of a picture in the style of a paper: a column of two (89 mm)."""
+PAPER_SCALE: Final = 0.65
+"""Width of lines and size of marks in that style, relative to those on a screen."""
+_PAPER_BOTTOM_IN: Final = 0.36
+_PAPER_HEIGHT: Final = 0.55
+"""Height of a panel, relative to that on a screen."""
+_PAPER_DPI: Final = 300.0
+"""Least resolution of what is not a vector: maps, and pictures as .png."""
+_PAPER_POINTS: Final = 6.5
+"""Size of the numbers of the axes and of the legend in that style."""
+_LEAST_POINTS: Final = 5.0
+"""Least size of the texts on the picture, which are as much smaller as marks."""
+_PAPER: Final[dict[str, Any]] = {
+    "font.size": 7.0,
+    "axes.linewidth": 0.6,
+    "axes.labelpad": 2.0,
+    "xtick.labelsize": _PAPER_POINTS,
+    "ytick.labelsize": _PAPER_POINTS,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "legend.fontsize": _PAPER_POINTS,
+    "legend.handlelength": 1.6,
+    "pdf.fonttype": 42,  # publishers refuse the default, Type 3
+    "hatch.linewidth": 0.5,
+}
+_IS_PAPER: Final[ContextVar[bool]] = ContextVar("paper", default=False)
+
+
+@contextmanager
+def paper_style() -> Generator[None]:
+    """Draw pictures for print inside this context: one column wide, white, small sans-serif text, thin lines, no title.
+
+    The caption of a figure says what its title says on a screen. Write .pdf or .svg: text and lines stay vectors.
+    """
+    token = _IS_PAPER.set(True)
+    try:
+        yield
+    finally:
+        _IS_PAPER.reset(token)
+
+
+def is_paper() -> bool:
+    """Return True inside `paper_style`."""
+    return _IS_PAPER.get()
+
+
+def line_scale() -> float:
+    """Return by how much lines are thinner than on a screen."""
+    return PAPER_SCALE if is_paper() else 1.0
+
+
+def _thin(figure: Any) -> None:
+    """Scale the lines, marks and text of a figure for print."""
+    from matplotlib.axis import Axis
+    from matplotlib.legend import Legend
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.text import Text
+
+    # the axes have their own settings in the style
+    kept = {part for axis in figure.findobj(Axis) for part in axis.findobj()}
+    for line in figure.findobj(Line2D):
+        if line not in kept:
+            line.set_linewidth(PAPER_SCALE * line.get_linewidth())
+            line.set_markersize(PAPER_SCALE * line.get_markersize())
+            line.set_markeredgewidth(PAPER_SCALE * line.get_markeredgewidth())
+    for patch in figure.findobj(Patch):
+        patch.set_linewidth(PAPER_SCALE * patch.get_linewidth())
+    kept |= {part for legend in figure.findobj(Legend) for part in legend.findobj(Text)}
+    for text in figure.findobj(Text):
+        if text not in kept:
+            text.set_fontsize(max(_LEAST_POINTS, PAPER_SCALE * text.get_fontsize()))
+
 
 @contextmanager
 def style() -> Generator[None]:
@@ -64,6 +139,8 @@ def style() -> Generator[None]:
             if key not in untouched:
                 dict.__setitem__(settings, key, dict.__getitem__(mpl.rcParamsDefault, key))
         settings.update(_STYLE)
+        if is_paper():
+            settings.update(_PAPER)
         yield
 
 
@@ -82,6 +159,9 @@ def save(figure: Any, path: Path, dpi: float) -> Path:
         ".svg": {"Date": None, "Creator": None},
         ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     }[suffix]
+    if is_paper():
+        _thin(figure)
+        dpi = max(dpi, _PAPER_DPI)
     ensure_directory(path.parent)
     with atomic_write(path) as beside:
         figure.savefig(beside, dpi=dpi, format=suffix[1:], metadata=metadata)
@@ -170,6 +250,13 @@ class Panels:
         """
         self._path = path
         self._given = ax is not None
+        if is_paper() and ax is None:
+            # in a column: lower panels; the legend comes below them
+            places = [
+                (_PAPER_BOTTOM_IN + (bottom - places[-1][0]) * _PAPER_HEIGHT, h * _PAPER_HEIGHT) for bottom, h in places
+            ]
+            size = (PAPER_WIDTH_IN, places[0][0] + places[0][1] + 0.08)
+            left, right, title, subtitle = 0.5, PAPER_WIDTH_IN - 0.08, "", ""
         self.right = right / size[0]
         """Right edge of the panels, as a share of the figure's width."""
         if ax is not None:
@@ -203,7 +290,21 @@ class Panels:
             self.axes[panel].legend(fontsize=7, loc="upper right")
             return
         handles, labels = self.axes[panel].get_legend_handles_labels()
+        if is_paper():
+            self._legend_below(handles, labels)
+            return
         self.figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(self.right + 0.012, 0.87), fontsize=8)
+
+    def _legend_below(self, handles: Sequence[Any], labels: Sequence[str]) -> None:
+        """Add a legend below the panels and grow the figure by its height."""
+        legend = self.figure.legend(handles, labels, loc="lower center", ncols=2, borderaxespad=0.1)
+        taller = legend.get_window_extent(self.figure.canvas.get_renderer()).height / self.figure.dpi + 0.06
+        width, height = self.figure.get_size_inches()
+        self.figure.set_size_inches(width, height + taller)
+        for axes in self.axes:
+            box = axes.get_position()
+            bottom, high = (box.y0 * height + taller) / (height + taller), box.height * height / (height + taller)
+            axes.set_position((box.x0, bottom, box.width, high))
 
     def finish(self, dpi: float) -> Any:
         """Write the figure and return the file; without a path return the axes."""

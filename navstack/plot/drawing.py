@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Bounds, Footprint, GridGeometry, OccupancyGrid, Pose2D, Transform2D
-from navstack.plot import colors
+from navstack.plot import canvas, colors
 from navstack.plot.colors import Paint
 
 if TYPE_CHECKING:
@@ -95,7 +95,11 @@ def draw_line(
     """Draw a line through poses (n, 2+); a white casing keeps it legible on any background. Returns the line."""
     from matplotlib.patheffects import Normal, Stroke
 
-    effects = [Stroke(linewidth=width + 1.6, foreground="white", alpha=0.85), Normal()] if casing else None
+    effects = (
+        [Stroke(linewidth=canvas.line_scale() * (width + 1.6), foreground="white", alpha=0.85), Normal()]
+        if casing
+        else None
+    )
     options.setdefault("solid_capstyle", "round")
     (line,) = axes.plot(poses[:, 0], poses[:, 1], color=color, linewidth=width, path_effects=effects, **options)
     return line
@@ -169,7 +173,11 @@ def draw_rings(axes: Axes, points: NDArray[np.float64], color: str, **options: A
 
     style: dict[str, Any] = {"ms": 15, "mfc": "none", "mec": color, "mew": 2.4, "ls": "none", "zorder": 9} | options
     return axes.plot(
-        points[:, 0], points[:, 1], "D", path_effects=[withStroke(linewidth=4.0, foreground="white")], **style
+        points[:, 0],
+        points[:, 1],
+        "D",
+        path_effects=[withStroke(linewidth=4.0 * canvas.line_scale(), foreground="white")],
+        **style,
     )
 
 

@@ -170,8 +170,9 @@ class Picture:
         title, subtitle = (text.encode("utf-8", "replace").decode() for text in (title, subtitle))
         self.area = shaped(area, least=0.0)
         wide, high = self.area.max_x - self.area.min_x, self.area.max_y - self.area.min_y
-        self._beside = high / wide > _TALL
         self._own = ax is None
+        paper = canvas.is_paper() and self._own
+        self._beside = high / wide > _TALL and not paper
         if ax is not None:
             self.figure: Any = ax.figure
             self.axes: Axes = ax
@@ -181,13 +182,16 @@ class Picture:
             self.points_per_m = 72.0 / self.figure.dpi * min(box.width / wide, box.height / high)
             return
         self._left, self._right, self._bottom, self._top = 0.62, _RIGHT_IN, 0.55, 0.72 if subtitle else 0.5
+        if paper:
+            width_in, title, subtitle = canvas.PAPER_WIDTH_IN, "", ""
+            self._left, self._right, self._bottom, self._top = 0.42, 0.06, 0.4, 0.06
         width = width_in - self._left - self._right - (2.0 if self._beside else 0.0)
         scale = min(width / wide, _TALLEST_IN / high)
         self._width, self._height = wide * scale, high * scale
         self.figure = canvas.managed_figure(*self._size) if managed else canvas.new_figure(*self._size)
-        self.axes = self.figure.add_axes((0.1, 0.1, 0.8, 0.8), facecolor="#F4F4F4")
-        self.points_per_m = 72.0 * scale
-        """Scale of the axes, in points (1/72 inch) per meter."""
+        self.axes = self.figure.add_axes((0.1, 0.1, 0.8, 0.8), facecolor="white" if paper else "#F4F4F4")
+        self.points_per_m = 72.0 * scale / canvas.line_scale()
+        """Scale of the axes, in points (1/72 inch, in print as much smaller as marks) per meter."""
         self.subtitle = self.figure.text(0, 0, subtitle, fontsize=8.5, color="#666666", va="baseline")
         self._title = self.figure.text(0, 0, title, fontsize=12, fontweight="bold", va="baseline")
         self._title_offset = 0.36 if subtitle else 0.16
@@ -240,6 +244,9 @@ class Picture:
             "columnspacing": 1.6,
             "handler_map": handlers(),
         }
+        if canvas.is_paper():
+            options |= {"handlelength": 1.5, "labelspacing": 0.3, "columnspacing": 0.8, "handletextpad": 0.5}
+            options |= {"borderpad": 0.0}
         if not self._own:
             return self._legend_in_given_axes(handles, labels, options)
         renderer = self.canvas.get_renderer()
@@ -252,18 +259,19 @@ class Picture:
             box = legend.get_window_extent(renderer)
             if box.width / self.figure.dpi <= self._width:
                 break
+        below = 0.02 if canvas.is_paper() else 0.12
         wide, high = box.width / self.figure.dpi, box.height / self.figure.dpi + extra_in
         if self._beside:
             self._right = 0.12 + max(wide, 2.1 if extra_in else 0.0) + 0.12
             self._bottom += max(0.0, high - self._height - 0.4)
         else:
-            self._bottom += high + 0.12
+            self._bottom += high + below
         self._place()
         w, h = self._size
         at = (
             ((self._left + self._width + 0.12) / w, (self._bottom + self._height) / h)
             if self._beside
-            else (self._left / w, (high + 0.12) / h)
+            else (self._left / w, (high + below) / h)
         )
         legend.set_bbox_to_anchor(at, transform=self.figure.transFigure)
         return legend
@@ -288,7 +296,8 @@ def draw_length_bar(axes: Axes, area: Bounds) -> None:
     from matplotlib.transforms import ScaledTranslation
 
     length = round_length((area.max_x - area.min_x) / 5.0)
-    below = axes.get_xaxis_transform() + ScaledTranslation(0.0, -27.0 / 72.0, axes.figure.dpi_scale_trans)
+    drop = 19.0 if canvas.is_paper() else 27.0
+    below = axes.get_xaxis_transform() + ScaledTranslation(0.0, -drop / 72.0, axes.figure.dpi_scale_trans)
     style: dict[str, Any] = {"transform": below, "clip_on": False}
     ends = [area.max_x - length, area.max_x]
     axes.plot(ends, [0.0, 0.0], color=colors.INK, lw=2.6, solid_capstyle="butt", zorder=12, **style)

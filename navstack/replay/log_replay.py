@@ -7,14 +7,13 @@ it is due, when the data that it needs has arrived; without messages it runs at 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 from navstack.bringup import build_move_base
-from navstack.core import Event, Listener, LogError, NavError, OccupancyGrid, Pose2D, RecordError, Twist2D
+from navstack.core import Event, Listener, LogError, NavError, OccupancyGrid, Pose2D, RecordError, Twist2D, working_time
 from navstack.logs import Log, LogMessage, open_log
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.parameters import Configuration
@@ -221,7 +220,7 @@ class LogReplay:
 
     def run(self, progress: Progress | None = None, stop: Callable[[], bool] | None = None) -> None:
         """Replay the log. `stop` is called about once per second of the log; True ends the replay with a complete record."""
-        begin = time.perf_counter()
+        begin = working_time()
         shown = -math.inf
         for now in self._steps:
             if now - shown >= 1.0:
@@ -231,7 +230,7 @@ class LogReplay:
                 if stop is not None and stop():
                     break
         self._finish()
-        self.wall_s = time.perf_counter() - begin
+        self.wall_s = working_time() - begin
 
     def _finish(self) -> None:
         self.compared_plans.settle()

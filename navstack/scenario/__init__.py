@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from navstack.scenario.recognition import is_scenario_file as is_scenario_file
     from navstack.scenario.recognition import shipped_scenarios as shipped_scenarios
     from navstack.scenario.run import Run as Run
+    from navstack.scenario.run import advice_for_goal as advice_for_goal
     from navstack.scenario.run import advice_of as advice_of
     from navstack.scenario.run import run_scenario as run_scenario
     from navstack.scenario.run import warm_up as warm_up
@@ -40,7 +41,9 @@ if TYPE_CHECKING:
     from navstack.scenario.success import ConditionResult as ConditionResult
     from navstack.scenario.success import SuccessConditions as SuccessConditions
     from navstack.scenario.suites import load_suite as load_suite
+    from navstack.scenario.suites import scaled as scaled
     from navstack.scenario.suites import suite_names as suite_names
+    from navstack.scenario.suites import suite_scale as suite_scale
     from navstack.scenario.tour import TourResult as TourResult
     from navstack.scenario.tour import TourState as TourState
     from navstack.scenario.tour import drive_tour as drive_tour

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from navstack.behaviors import Step, motion_of
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
-from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle
+from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle, working_time
 from navstack.move_base import MotionHandle, MoveBase
+from navstack.parameters import Finding
 from navstack.plugins import Behavior
 from navstack.record import (
     Record,
@@ -44,6 +44,12 @@ def advice_of(record: Record) -> tuple[str, ...]:
     except NavError:  # a log, or parameters of another version
         findings = ()
     return advice_for(metrics_of(record), findings, len(record.collisions))
+
+
+def advice_for_goal(record: Record, findings: Sequence[Finding], *, failed: bool) -> tuple[str, ...]:
+    """Return what may explain one goal of a record, with the findings about the parameters in force; see `advice_for`."""
+    metrics = replace(metrics_of(record), goals=1, succeeded=int(not failed))
+    return advice_for(metrics, findings, len(record.collisions))
 
 
 def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:
@@ -149,7 +155,7 @@ class Run:
             listening.insert(0, self.recorder)
         self.timings: Timings | None = None
         if timings is not False:
-            self.timings = Timings() if timings is True else timings
+            self.timings = Timings(clock=working_time) if timings is True else timings
         self.move_base = build_move_base(
             configuration,
             self.robot,
@@ -407,7 +413,7 @@ def run_scenario(
 
     Raises InputError or PlanningError if the robot cannot start.
     """
-    wall_start = time.perf_counter()
+    wall_start = working_time()
     run = Run(scenario, record=record, scans=scans, spool=spool, timings=timings, listeners=listeners)
     while True:
         if stop is not None and stop():
@@ -417,4 +423,4 @@ def run_scenario(
             break
         if progress is not None:
             progress(run.robot.time, run.goal_index)
-    return run.result(time.perf_counter() - wall_start)
+    return run.result(working_time() - wall_start)

@@ -9,15 +9,16 @@ are held out to validate what was tuned on the training split.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 
-from navstack.core import InputError, OccupancyGrid, Pose2D
+from navstack.core import Footprint, GridGeometry, InputError, OccupancyGrid, Pose2D
 from navstack.map_io import load_map, map_path
 from navstack.parameters import nearest
 from navstack.scenario.barn import barn_scenarios
@@ -166,3 +167,71 @@ def load_suite(
     if count is None:
         count = DEFAULT_COUNT if split == "all" else DEFAULT_COUNT // 2
     return [_GENERATED[name](number) for number in range(first, first + step * count, step)]
+
+
+# --- scenarios for large robots ---------------------------------------------------------------------------------------
+
+_LARGEST_RADIUS_M: Final = 0.35
+"""Circumscribed radius, with padding, of the largest robot that starts and goals at _CLEARANCE_M suit: a cell remains."""
+_NARROWEST_RADIUS_M: Final = 0.25
+"""Inscribed radius of the widest robot that passes the doors of `narrow` from 0.55 m on."""
+_SCALE_STEP: Final = 0.25
+
+
+def suite_scale(name: str, footprint: Footprint) -> float:
+    """Return by how much the map of a generated suite must be larger for this footprint (with padding): 1 or more.
+
+    A multiple of 0.25, so that robots of about the same size get the same maps. 1 for suites that are not generated: their
+    scenarios say themselves for which robot they are.
+    """
+    if name not in _GENERATED:
+        return 1.0
+    needed = footprint.circumscribed_radius / _LARGEST_RADIUS_M
+    if name == "narrow":
+        needed = max(needed, footprint.inscribed_radius / _NARROWEST_RADIUS_M)
+    return max(1.0, math.ceil(round(needed / _SCALE_STEP, 6)) * _SCALE_STEP)
+
+
+def scaled(specs: Sequence[ScenarioSpec], factor: float) -> list[ScenarioSpec]:
+    """Return the scenarios of a generated suite on a map that is `factor` times as large, with cells of the same size.
+
+    Positions and the time limit grow with the map; obstacles, pedestrians and their speeds stay as they are. Raises InputError
+    for a map that would be too large.
+    """
+    maps: dict[int, OccupancyGrid] = {}  # the scenarios of a packaged map share one, also when pickled
+    found: list[ScenarioSpec] = []
+    for spec in specs:
+        grid = spec.map()
+        larger = maps.setdefault(id(grid), _scaled_map(grid, factor))
+        start = spec.start
+        values = {
+            **spec.values,
+            "start": None if start is None else _scaled_pose(start, factor),
+            "goals": tuple(_scaled_pose(goal, factor) for goal in spec.goals),
+            "shapes": tuple(_scaled_shape(shape, factor) for shape in spec.shapes),
+            "time_limit_s": spec.values["time_limit_s"] * factor,
+        }
+        found.append(replace(spec, values=values, map_file=None, grid=larger))
+    return found
+
+
+def _scaled_map(grid: OccupancyGrid, factor: float) -> OccupancyGrid:
+    g = grid.geometry
+    nx, ny = round(g.nx * factor), round(g.ny * factor)
+    # the cell of the small map that contains the center of each cell
+    ix = np.minimum(((np.arange(nx) + 0.5) / factor).astype(np.intp), g.nx - 1)
+    iy = np.minimum(((np.arange(ny) + 0.5) / factor).astype(np.intp), g.ny - 1)
+    geometry = GridGeometry(nx, ny, g.resolution, g.origin_x * factor, g.origin_y * factor)
+    return replace(grid, data=np.ascontiguousarray(grid.data[np.ix_(iy, ix)]), geometry=geometry)
+
+
+def _scaled_pose(pose: Pose2D, factor: float) -> Pose2D:
+    return Pose2D(pose.x * factor, pose.y * factor, pose.yaw)
+
+
+def _scaled_shape(shape: Shape, factor: float) -> Shape:
+    x, y, *yaw = shape.pose
+    motion = shape.motion
+    if isinstance(motion, PedestrianMotion):
+        motion = motion.model_copy(update={"goals": [[factor * v for v in goal] for goal in motion.goals]})
+    return shape.model_copy(update={"pose": [factor * x, factor * y, *yaw], "motion": motion})

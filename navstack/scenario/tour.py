@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from navstack.core import working_time
 from navstack.scenario.outcome import GoalOutcome, RunResult
 from navstack.scenario.run import Run
 from navstack.scenario.scenario import Scenario
@@ -83,7 +83,7 @@ def drive_tour(
 
     When `stop` returns True, the current goal is canceled, the robot stops and the record is complete.
     """
-    wall_start = time.perf_counter()
+    wall_start = working_time()
     run = Run(scenario)
     reported, interrupted, succeeded = 0, False, 0
     has_steps = bool(scenario.steps)
@@ -109,4 +109,4 @@ def drive_tour(
             break
         if on_step is not None:
             on_step(state())
-    return TourResult(run.result(time.perf_counter() - wall_start), names, state(), interrupted)
+    return TourResult(run.result(working_time() - wall_start), names, state(), interrupted)

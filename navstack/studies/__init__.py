@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from navstack.studies.problem import Trial as Trial
     from navstack.studies.random_scenarios import FootprintTask as FootprintTask
     from navstack.studies.random_scenarios import RandomTask as RandomTask
+    from navstack.studies.run_page import write_run_report as write_run_report
     from navstack.studies.safety import SafetyTask as SafetyTask
     from navstack.studies.search_space import candidates as candidates
     from navstack.studies.setup import SearchOptions as SearchOptions

@@ -205,6 +205,7 @@ def run_sensitivity(
     summary = (
         f"{len(found)} changes of one parameter each, over the same {len(evaluation.cases)} runs of {setup.suite.name}."
     )
+    summary += _scale_sentence(setup)
     names = _names(setup)
     page = report.write_sensitivity_report(
         folder, found, ReportHeader(f"Sensitivity of {names}", names, command, summary)
@@ -218,6 +219,11 @@ def _names(setup: Setup) -> str:
     return ", ".join(short_name(p) for p in setup.options.params)
 
 
+def _scale_sentence(setup: Setup) -> str:
+    text = setup.scale_text
+    return f" {text[0].upper()}{text[1:]}." if text else ""
+
+
 def _header(request: TuneRequest, tuning: TuningResult) -> ReportHeader:
     setup = request.setup
     held_out = len(tuning.held_out.cases) if tuning.held_out is not None else 0
@@ -225,5 +231,6 @@ def _header(request: TuneRequest, tuning: TuningResult) -> ReportHeader:
         f"{len(tuning.trials)} trials with the sampler {request.sampler}, random seed {setup.options.seed}, on "
         f"{len(tuning.training.cases)} training runs of {setup.suite.name}; {held_out} held-out runs for validation."
     )
+    summary += _scale_sentence(setup)
     names = _names(setup)
     return ReportHeader(f"Tuning of {names}", names, request.command, summary, short_name(request.against or ""))

@@ -79,7 +79,19 @@ class Setup:
 
     def described(self) -> dict[str, Any]:
         """Return everything that affects the results, except parameters, space and cases, for JSON."""
-        return {"suite": self.suite.name, "rough": self.options.rough, "reference_speed": self.speed}
+        found = {"suite": self.suite.name, "rough": self.options.rough, "reference_speed": self.speed}
+        return found if self.suite.scale == 1.0 else {**found, "scale": self.suite.scale}
+
+    @property
+    def scale_text(self) -> str:
+        """What was done to the maps so that the robot fits; empty if nothing."""
+        if self.suite.scale == 1.0:
+            return ""
+        footprint = self.base.global_costmap.footprint
+        return (
+            f"the maps and doors of {self.suite.name} are {self.suite.scale:g} times as large as usual, so that the robot "
+            f"fits: its circumscribed radius with padding is {footprint.circumscribed_radius:.2f} m"
+        )
 
 
 def prepare(options: SearchOptions) -> Setup:
@@ -98,6 +110,7 @@ def prepare(options: SearchOptions) -> Setup:
         distro=options.distro,
         allow_missing=options.allow_missing,
     )
+    suite = suite.fitted(base.global_costmap.footprint)
     default = "localization" if suite.localizes and not options.param else None
     space = parse_search_space(
         base, space=options.space or default, params=options.param, keep=options.keep, limit_factor=options.limit_factor

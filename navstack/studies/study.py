@@ -516,6 +516,8 @@ class Study:
 
 
 def _difference(key: str, stored: Any, here: Any) -> str:
+    if key == "course":
+        return f"its suite is {stored}, not {here}"
     if key in ("space", "cases", "parameters"):
         return {"space": "another search space", "cases": "other cases", "parameters": "other parameters"}[key]
     return f"{key} was {stored} and is now {here}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, cast
 
-from navstack.core import InputError, is_dir, is_file, resolved
+from navstack.core import Footprint, InputError, is_dir, is_file, resolved
 from navstack.parameters import Configuration, DictNode, Source, plain
 from navstack.scenario import (
     JACKAL,
@@ -23,8 +23,10 @@ from navstack.scenario import (
     load_suite,
     load_worlds,
     read_scenario,
+    scaled,
     scenarios_in,
     suite_names,
+    suite_scale,
 )
 from navstack.studies.evaluation import (
     ENVIRONMENT,
@@ -58,6 +60,17 @@ class Suite:
     """Tunes localization: the scenarios are drives along which amcl runs."""
     held_out: tuple[str, ...] = ()
     """Scenarios that the suite reserves for validation; empty: they are drawn at random."""
+    generated: str = ""
+    """Name of the generated suite of the files."""
+    scale: float = 1.0
+    """How many times larger than usual the maps of a generated suite are."""
+
+    def fitted(self, footprint: Footprint) -> Suite:
+        """Return the suite on maps in which a robot with this footprint (with padding) has room."""
+        scale = suite_scale(self.generated, footprint)
+        if scale == 1.0:
+            return self
+        return replace(self, files=tuple(scaled(self.files, scale)), scale=scale)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,7 +126,7 @@ def _packaged(suite: str, count: int | None) -> Suite:
         files = _unique(load_suite(suite, count=count))
     except InputError as error:
         raise InputError(f"--suite {suite}: no such file or folder, and {error.message}", suite=suite) from error
-    return Suite(suite, files=files, held_out=tuple(f.name for f in files[1::2]))
+    return Suite(suite, files=files, held_out=tuple(f.name for f in files[1::2]), generated=suite)
 
 
 def _unique(files: Sequence[ScenarioSpec]) -> tuple[ScenarioSpec, ...]:

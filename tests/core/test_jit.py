@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 from numba.core import event
 
-from navstack.core import kernel_cache
+from navstack.core import compile_clock, kernel_cache
 from navstack.core.compilation import MANIFEST, PROCESSES_VARIABLE, import_all_kernels
 from navstack.core.jit import kernel
 from navstack.core.kernel_cache import describe, parse
@@ -266,3 +267,26 @@ def test_the_manifest_names_kernels_and_uses() -> None:
     for rows in document["kernels"].values():
         for types, inner, uses in rows:
             assert len(parse(types)) <= 64 and inner in (0, 1) and uses
+
+
+@kernel
+def _measured_callee(x: float) -> float:
+    return x * 1.25 + 0.5
+
+
+@kernel
+def _measured_caller(x: float) -> float:
+    return _measured_callee(x) + _measured_callee(x + 1.0)
+
+
+def test_measured_times_leave_out_the_compilation_of_nested_kernels() -> None:
+    begin, working, compiled = time.perf_counter(), compile_clock.working_time(), compile_clock.compile_seconds()
+    assert _measured_caller(1.0) == 4.75
+    elapsed = time.perf_counter() - begin
+    compiled = compile_clock.compile_seconds() - compiled
+    # each second of the compilation counts once, although the inner kernel is compiled within the outer one
+    assert 0.5 * elapsed < compiled <= elapsed
+    assert compile_clock.working_time() - working <= elapsed - compiled + 1e-3
+    again = compile_clock.compile_seconds()
+    _measured_caller(2.0)
+    assert compile_clock.compile_seconds() == again

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from navstack.live import messages
 from navstack.live.session import Session
 from navstack.live.stage import Options, Stage
+from navstack.scenario import load_scenario
 
 Advance = Callable[..., None]
 
@@ -61,3 +63,23 @@ def test_goals_cells_and_openings_have_cards(session: Session, run_to: Advance) 
     opening = answer(session, type="explain_passage", x=6.9, y=8.4)
     assert opening.data["cards"][0]["tone"] in ("good", "warn", "bad") and "minimum" in shown(opening)
     assert "--" not in shown(goal) + shown(cell) + shown(opening)
+
+
+@pytest.mark.parametrize(("distro", "explained"), [("noetic", True), ("indigo", False)])
+def test_the_card_of_a_failed_goal_names_possible_causes(
+    tmp_path: Path, run_to: Advance, distro: str, explained: bool
+) -> None:
+    """The weights of the packaged robot suit the scoring of indigo."""
+    file = tmp_path / "corridor.yaml"
+    file.write_text(
+        f"map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[4.8, 7.45, 0.0]]\ntime_limit: 0.5\ndistro: {distro}\n"
+    )
+    session = Session(load_scenario(file))
+    run_to(session)
+    goal = answer(session, type="explain_goal", number=1)
+    causes = [card for card in goal.data["cards"] if card["title"] == "Possible causes"]
+    assert goal.data["cards"][0]["tone"] == "bad"
+    assert bool(causes) is explained
+    assert ("possible cause: " in goal.text) is explained
+    for (card,) in [causes] if causes else []:
+        assert "set navstack/ros_distro to indigo" in card["lines"][0][1]
