@@ -1,4 +1,4 @@
-"""Mutate maps, records, scenarios, parameters, launch files, logs and behavior trees, and read them: no traceback, no hang, little memory.
+"""Mutate maps, records, scenarios, parameters, launch files, logs and trees, and read them: no traceback, no hang, little memory.
 
     python tools/fuzz_inputs.py [--count N] [--seed S] [--kind KIND ..] [--processes P] [--commands SHARE] [--keep FOLDER]
     python tools/fuzz_inputs.py --seed S --only I          # one input again, with its traceback
