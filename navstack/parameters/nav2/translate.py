@@ -194,6 +194,7 @@ class _Translator:
         for name in ("velocity_smoother", "collision_monitor", "collision_detector", "amcl"):
             if name in self.nodes.nodes and exists(name, self.distro):
                 self._node_section(name)
+        self._behavior_tree()
         self._report_without()
         self._report_not_run()
         for leaf in self.root.leaves():
@@ -271,21 +272,31 @@ class _Translator:
             self._add("info", "nav2-no-counterpart", node.params[shown[0]].at, name, message)
 
     def _report_not_run(self) -> None:
-        """Note the nodes whose parameters are only checked, and trees other than the default one."""
+        """Note the nodes whose parameters are only checked."""
         idle = [n for n, audit in self.audits.items() if not audit.runs and exists(n, self.distro)]
         if idle:
             message = f"navstack does not run {', '.join(idle)}: their parameters are checked, but they set nothing"
             self._add("info", "nav2-not-run", self.nodes.nodes[idle[0]].at, idle[0], message)
+
+    def _behavior_tree(self) -> None:
+        """The tree that drives goals: the file that the navigator names, or the default one."""
         navigator = self.nodes.nodes.get("bt_navigator")
-        for key in ("default_nav_to_pose_bt_xml", "default_bt_xml_filename"):
-            tree = navigator.text(key) if navigator is not None else None
-            if navigator is None or not (tree or "").endswith(".xml") or Path(tree or "").name in _DEFAULT_TREES:
-                continue
+        key = "default_nav_to_pose_bt_xml" if self.distro >= GALACTIC else "default_bt_xml_filename"
+        named = navigator.text(key) if navigator is not None else None
+        space = self.root.ensure("navstack", self._default)
+        if navigator is None or not named:
+            self._put(space, "behavior_tree", DEFAULT_TREE)
+            return
+        at = navigator.params[key].at
+        self.made.keys[at] = navigator.key(key)
+        file = _tree_file(named, Path(at.file).parent)
+        if file is None and Path(named).stem not in DEFAULT_TREES:
             message = (
-                f"the tree {Path(tree or '').name} is not run: navstack replans and recovers as the default tree of Nav2 does "
-                "(1 Hz; clear the costmaps, spin, wait, back up)"
+                f"the tree {Path(named).name} is not found, neither as {named} nor next to the parameters, so Nav2's default tree "
+                "drives instead; put the file next to the parameters, or into a folder behavior_trees there"
             )
-            self._add("warning", "nav2-tree", navigator.params[key].at, navigator.key(key), message)
+            self._add("warning", "nav2-tree", at, navigator.key(key), message)
+        self._put(space, "behavior_tree", str(file) if file is not None else DEFAULT_TREE, at)
 
     # --- controllers --------------------------------------------------------------------------------------------------
 
@@ -756,9 +767,19 @@ class _Translator:
 
 _OMNI: Final = ("Omni", "omni")
 _SIDEWAYS: Final = ("vy_std", "ay_max", "ay_min")
-_DEFAULT_TREES: Final = ("navigate_to_pose_w_replanning_and_recovery.xml", "navigate_w_replanning_and_recovery.xml")
+DEFAULT_TREE: Final = "navigate_to_pose_w_replanning_and_recovery"
+"""The packaged tree that drives a robot whose parameters name none."""
+DEFAULT_TREES: Final = (DEFAULT_TREE, "navigate_w_replanning_and_recovery")
+"""Names of that tree in Nav2's installations."""
 _LISTED: Final = 12
 """Keys that a message lists."""
+
+
+def _tree_file(named: str, folder: Path) -> Path | None:
+    """The file of a tree: where the parameters say, next to them, or in a folder `behavior_trees` next to them or above."""
+    name = Path(named).name
+    places = (folder / named, folder / name, folder / "behavior_trees" / name, folder.parent / "behavior_trees" / name)
+    return next((place.resolve() for place in places if is_file(place)), None)
 
 
 def _texts(node: Node) -> list[str]:
