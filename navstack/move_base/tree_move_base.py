@@ -54,12 +54,12 @@ _SHOWN: Final = {
 
 
 class TreeFailedError(NavError):
-    """The behavior tree of a goal failed. `code` and `name` are those of Nav2's result, `data["tree"]` what the tree did."""
+    """The behavior tree of a goal failed. `code` and `name` of an error are those of Nav2's result, 9000 if no server failed."""
 
-    code = 9000
-    name = "UNKNOWN"
+    code = 9062
+    name = "TREE_FAILED"
 
-    def __init__(self, message: str, *, error_code: int = 9000, **data: Any) -> None:
+    def __init__(self, message: str, *, error_code: int = NavError.code, **data: Any) -> None:
         super().__init__(message, error_code=error_code, **data)
         # a code of the instance: it is that of the server that failed
         self.__dict__["code"] = error_code
@@ -179,7 +179,7 @@ class TreeMoveBase(MoveBase):
             for key, value in tree.blackboard.items()
             if key.endswith("error_code") and isinstance(value, int) and value > 0
         ]
-        code = min(codes, default=self._servers.last_code or TreeFailedError.code)
+        code = min(codes, default=self._servers.last_code or NavError.code)
         cause = self._servers.errors.get(code)
         leaf = tree.trace.cause_below(tree.root)
         where = f" (last: {leaf.path})" if leaf is not None else ""
