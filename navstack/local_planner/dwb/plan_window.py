@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, InvalidPathError, Path, Pose2D, Transform2D
-from navstack.local_planner.path_handlers import check_path, cut_path, no_plan, out_of_reach
+from navstack.local_planner.path_handlers import check_path, no_plan, out_of_reach
 from navstack.plugins import LocalPath, PathHandler
-
-EVERYWHERE = np.array([-math.inf, -math.inf, math.inf, math.inf])
 
 
 class PlanWindow(PathHandler):
@@ -49,9 +45,7 @@ class PlanWindow(PathHandler):
             raise self._nothing(plan, at, half)
         if self._prune:
             self._begin = first
-        poses = np.empty((end - first, 3))
-        x, y, yaw = (float(v) for v in (to_costmap.x, to_costmap.y, to_costmap.yaw))
-        cut_path(plan, first, math.inf, x, y, yaw, EVERYWHERE, poses)
+        poses = to_costmap.apply_poses(plan[first:end, :3])
         return LocalPath(
             poses,
             length=float(plan[end - 1, 3] - plan[first, 3]),
