@@ -194,7 +194,7 @@ def goal_cards(report: GoalReport, causes: Sequence[str] = ()) -> list[Card]:
     ]
     made = [card(f"Goal {report.number}", report.summary, tone=tone, facts=facts)]
     if causes:
-        made.append(card("Possible causes", tone="warn", lines=[("", _sentence(cause), "warn") for cause in causes]))
+        made.append(card("Possible causes", tone="warn", lines=[("", cause, "warn") for cause in causes]))
     return [*made, card("What happened", lines=lines)]
 
 

@@ -82,4 +82,6 @@ def test_the_card_of_a_failed_goal_names_possible_causes(
     assert bool(causes) is explained
     assert ("possible cause: " in goal.text) is explained
     for (card,) in [causes] if causes else []:
-        assert "set navstack/ros_distro to indigo" in card["lines"][0][1]
+        text = card["lines"][0][1]
+        assert text.startswith("turtlebot/dwa_local_planner_params.yaml:")  # the name of a file is not a sentence
+        assert "set navstack/ros_distro to indigo" in text

@@ -126,6 +126,10 @@ def test_a_different_study_is_refused(tmp_path: Path) -> None:
         run(storage, 4, seed=7, resume=True)
     with pytest.raises(InputError, match="other cases"):
         run(storage, 4, evaluation=Bowl(5), resume=True)
+    other = Bowl()
+    other.name = "narrow"
+    with pytest.raises(InputError, match=r"its suite is \w+, not narrow; repeat .* or give another --out"):
+        run(storage, 4, evaluation=other)
     with pytest.raises(InputError, match=r"objectives was \['score'\]"):
         run(storage, 4, objectives=("time",), resume=True)
 
