@@ -245,9 +245,9 @@ def test_a_keepout_filter_finds_its_mask_through_its_topics(tmp_path: Path) -> N
 def test_another_controller_by_its_id() -> None:
     robot = load_configuration([str(ROBOT), "controller:=Careful"])
     assert (robot.local_planner.name, robot.local_planner.params.vx_max) == ("mppi", 0.2)
-    (found,) = [f for f in check_parameters([str(ROBOT), "controller:=Carefull"]) if f.severity == "error"]
+    (found,) = [f for f in check_parameters([str(ROBOT), "controller:=Careful_"]) if f.severity == "error"]
     assert found.message == (
-        "controller:=Carefull is not in the files; did you mean Careful? known: FollowPath, Careful"
+        "controller:=Careful_ is not in the files; did you mean Careful? known: FollowPath, Careful"
     )
 
 
