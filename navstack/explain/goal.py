@@ -686,8 +686,8 @@ def collision_text(record: Record, t: float, pose: Pose2D) -> str:
         return text
     g = costmap.geometry
     iy, ix = np.nonzero(costmap.data == LETHAL)
-    centers = np.column_stack((g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution))
-    centers = record.to_global(record.costmap_frame("local"), t).apply_points(centers)
+    found = np.array([g.cell_to_world(i, j) for i, j in zip(ix.tolist(), iy.tolist(), strict=True)], np.float64)
+    centers = record.to_global(record.costmap_frame("local"), t).apply_points(found.reshape(-1, 2))
     # the footprint is in the base frame
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     ahead, left = centers[:, 0] - pose.x, centers[:, 1] - pose.y
