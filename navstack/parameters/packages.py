@@ -61,9 +61,15 @@ def why_missing(package: str, parts: list[str], near: Path) -> tuple[str, str]:
 
 
 def workspace(near: Path) -> Iterator[Path]:
-    """Yield the folders with a manifest near a file: those of the nearest folder above it first."""
+    """Yield the folders with a manifest near a file: those of the nearest folder above it first.
+
+    None for a file outside of packages, repositories and workspaces: the packages next to it are those of anybody.
+    """
     seen: set[Path] = set()
-    for above in _above(near):
+    folders = _above(near)
+    if not any(_name_of(f) is not None or _has(f, *_OF_WORKSPACE, *_OF_REPOSITORY) for f in folders):
+        return
+    for above in folders:
         for folder in _below(above):
             if folder not in seen:
                 seen.add(folder)
@@ -116,12 +122,16 @@ def _above(near: Path) -> list[Path]:
     last = own + 1
     for number in range(own + 1, len(folders)):
         folder = folders[number]
-        if folder.name == "src" or any(folder.joinpath(name).exists() for name in _OF_WORKSPACE):
+        if folder.name == "src" or _has(folder, *_OF_WORKSPACE):
             last = number
             break
-        if any(folder.joinpath(name).exists() for name in _OF_REPOSITORY):
+        if _has(folder, *_OF_REPOSITORY):
             last = number
     return folders[: last + 1]
+
+
+def _has(folder: Path, *names: str) -> bool:
+    return any(folder.joinpath(name).exists() for name in names)
 
 
 def _below(folder: Path) -> Iterator[Path]:
