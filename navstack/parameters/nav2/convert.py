@@ -197,7 +197,7 @@ _DECELERATION: Final = tuple(
         f"acc_lim_{a}",
         "converted",
         _negated,
-        f"-acc_lim_{a}; 0, the default of DWB, cannot brake",
+        f"-acc_lim_{a}",
     )
     for a in ("x", "y", "theta")
 )
