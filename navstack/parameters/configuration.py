@@ -306,7 +306,8 @@ class Loader:
         for f in self.findings:
             own = f.rule.startswith("nav2-")
             of_default = f.file == self.translation.default_file and f.severity != "error"
-            if own or not (of_default or f.location in wrong):
+            of_filter = f.rule == "inflation-not-last" and f.message.partition(" ")[0] in self.translation.filters
+            if own or not (of_default or of_filter or f.location in wrong):
                 kept.append(f if own else self.translation.own_key(f))
         return kept
 
@@ -617,8 +618,11 @@ def load_configuration(
 ) -> Configuration:
     """Load a packaged set (`turtlebot`), folders, files (`file@namespace`) or mappings; later sources override earlier ones.
 
-    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro`. With `allow_missing`, layers, critics and
-    recovery behaviors of an unknown type are left out with a warning; unknown planners remain errors.
+    Files of Nav2 are recognized by `ros__parameters`; `controller:=ID`, `planner:=ID` and `namespace:=NAME` choose within them.
+
+    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro` and is the distribution of files of Nav2, which
+    is otherwise found from their keys. With `allow_missing`, layers, critics and recovery behaviors of an unknown type are left
+    out with a warning; unknown planners remain errors, but for those of files of Nav2 others stand in.
 
     Raise ParameterError if the parameters cannot be used: its message has a line per error, its `data["findings"]` all
     findings.

@@ -129,7 +129,7 @@ def smoother_limits(configuration: Configuration) -> Iterator[Problem]:
         effect = "drives slower" if name in VELOCITIES else "changes its velocity more slowly"
         message = (
             f"velocity_smoother/{name} is stricter than the limits of the local planner: {', '.join(parts)}; so the robot "
-            f"{effect} than the planner computes; write {name}: [{', '.join(f'{v:g}' for v in fixed)}], or lower "
+            f"{effect} than the planner computes; write {name}: [{', '.join(map(_double, fixed))}], or lower "
             f"the planner's limits"
         )
         yield Problem((f"/velocity_smoother/{name}",), message)
@@ -137,6 +137,11 @@ def smoother_limits(configuration: Configuration) -> Iterator[Problem]:
 
 def _value(limit: Limit | None) -> float:
     return 0.0 if limit is None else limit[0]
+
+
+def _double(value: float) -> str:
+    """A number with a decimal point: ROS 2 rejects an integer for a double."""
+    return f"{value:g}" if not float(f"{value:g}").is_integer() else f"{value:.1f}"
 
 
 def _named(limit: Limit | None) -> str:

@@ -357,8 +357,8 @@ _Given = tuple[list[str], Location, Node]
 
 def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute: bool) -> list[_Given]:
     """Translate the files of Nav2 into the tree; return the overrides that were not of them."""
-    if not any(navigates(root) for _, root in out.nav2):
-        return given
+    if not any(navigates(root) for _, root in out.nav2) and not set(out.root.children) <= set(NODE_SECTIONS):
+        return given  # sections of safety or localization for move_base, as ROS 2 writes them
     if out.beside_move_base:
         for _, root in out.nav2:  # nodes of Nav2 beside the parameters of move_base
             if navigates(root):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.yaml_reader import DictNode, Node, plain
 
 if TYPE_CHECKING:
-    from navstack.parameters.nav2.translate import Translation
+    from navstack.plugins import Registry
 
 MAX_DEPTH = 50
 """Namespaces within each other; the methods of a namespace recurse."""
@@ -175,6 +175,46 @@ def put(space: Space, name: str, at: Location, node: Node, findings: list[Findin
             )
             findings.append(finding("warning", "value-over-namespace", at, found.path, message))
     space.put(name, at, node)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the tree of a robot of Nav2 was made of.
+
+
+@dataclass(slots=True)
+class Translation:
+    """What became of Nav2's files."""
+
+    distro: str = ""
+    keys: dict[Location, str] = field(default_factory=dict[Location, str])
+    """Location of a key or a value -> its name in Nav2: `controller_server/FollowPath.max_vel_x`."""
+    sections: dict[str, str] = field(default_factory=dict[str, str])
+    """Path of a section of the tree -> where its parameters stand in Nav2: MPPIController -> `controller_server/FollowPath.`"""
+    unused: list[tuple[Registry[Any], str, Space, str]] = field(default_factory=list)
+    """Controllers and planners that the default tree does not use: registry, type, section, id."""
+    filters: set[str] = field(default_factory=set[str])
+    """Ids of costmap filters, which Nav2 applies after all layers: nothing of them is to be inflated."""
+
+    @property
+    def ids(self) -> dict[str, str]:
+        """Id of a plugin -> path of its section, for those at the root."""
+        found = {own.rpartition("/")[2].rstrip("."): path for path, own in self.sections.items() if "/" not in path}
+        return {id_: path for id_, path in found.items() if id_ and id_ != path}
+
+    @property
+    def default_file(self) -> str:
+        """The location of values that Nav2 has without being told."""
+        return f"default of Nav2 {self.distro}"
+
+    def own_key(self, found: Finding) -> Finding:
+        """Return a finding about the tree with the user's own key."""
+        key = self.keys.get(found.location, "") if found.line else ""
+        message = found.message
+        for section, own in self.sections.items():
+            message = message.replace(f"{section}/", own)
+            if not key and found.key.startswith(f"{section}/"):
+                key = own + found.key[len(section) + 1 :].replace("/", ".")
+        return replace(found, key=key or found.key, message=message)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

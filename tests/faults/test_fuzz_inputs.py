@@ -1,4 +1,4 @@
-"""Mutated maps, records, scenarios, parameter files, launch files and logs; CI runs 24,000 (`tools/fuzz_inputs.py`)."""
+"""Mutated maps, records, scenarios, parameters (also of Nav2), launch files and logs; CI runs 24,000 (`tools/fuzz_inputs.py`)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ def test_mutated_inputs(kind: str) -> None:
     number = 100 if kind == "log" else 400  # a log takes ten times as long as another input
     counts = fuzz(number, 0, (kind,))
     assert counts.inputs == number
-    assert counts.accepted < number or kind in ("parameters", "launch")  # their readers return findings
+    assert counts.accepted < number or kind in ("parameters", "nav2", "launch")  # their readers return findings
+    assert counts.unmade + counts.tracebacks + counts.large == []
+
+
+def test_mutated_files_of_nav2() -> None:
+    counts = fuzz(200, 1, ("nav2",))
+    assert counts.inputs == 200
     assert counts.unmade + counts.tracebacks + counts.large == []
 
 

@@ -60,14 +60,14 @@ def test_sections_without_findings(sections: dict[str, Any]) -> None:
             "smoother-limits",
             "warning",
             "velocity_smoother/max_velocity",
-            ("x 0.5 (DWAPlannerROS/max_vel_x 0.55)", "write max_velocity: [0.55, 0, 3.2]"),
+            ("x 0.5 (DWAPlannerROS/max_vel_x 0.55)", "write max_velocity: [0.55, 0.0, 3.2]"),
         ),
         (
             {"velocity_smoother": {**SMOOTHER, "max_decel": [-1.0, 0.0, -1.5]}},
             "smoother-limits",
             "warning",
             "velocity_smoother/max_decel",
-            ("x -1 (DWAPlannerROS/acc_lim_x 2.5), yaw -1.5 (", "write max_decel: [-2.5, 0, -3.2]"),
+            ("x -1 (DWAPlannerROS/acc_lim_x 2.5), yaw -1.5 (", "write max_decel: [-2.5, 0.0, -3.2]"),
         ),
         (
             {"velocity_smoother": SMOOTHER, "DWAPlannerROS": {"min_vel_x": -0.7}},

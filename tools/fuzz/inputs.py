@@ -29,18 +29,33 @@ from tools.fuzz.logs import mutated_log, read_log, valid_logs
 from tools.fuzz.text import mutated_yaml
 from tools.fuzz.values import SPECIAL_FILES
 
-KINDS: Final = ("map", "record", "scenario", "parameters", "launch", "log")
+KINDS: Final = ("map", "record", "scenario", "parameters", "nav2", "launch", "log")
 _SUFFIXES: Final = {
     "map": ".yaml",
     "record": ".npz",
     "scenario": ".yaml",
     "parameters": ".yaml",
+    "nav2": ".yaml",
     "launch": ".launch",
     "log": ".bag",
 }
 _SPECIAL_SHARE: Final = 0.01
 _CHECK_SHARE: Final = 0.02
 """Share of the parameter inputs that are checked completely; the others are read and merged."""
+_NAV2_CHECK_SHARE: Final = 0.2
+"""The same of Nav2's files, most of which are rejected early."""
+
+_NAV2: Final = Path(__file__).resolve().parents[2] / "tests" / "parameters" / "nav2_robot.yaml"
+_NAV2_KEYS: Final = (
+    b"plugin",
+    b"ros__parameters",
+    b"FollowPath",
+    b"critics",
+    b"observation_sources",
+    b"/**",
+    b"plugins",
+)
+"""Names that decide the structure of Nav2's files."""
 
 _MAP: Final = (
     b"image: small.png\nmode: trinary\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
@@ -88,6 +103,7 @@ class Inputs:
         self.scenarios = [*(path.read_bytes() for path in shipped_scenarios().values()), _SMALL_SCENARIO]
         sets = sorted(packaged_folder("turtlebot").glob("*.yaml"))
         self.parameters = [path.read_bytes() for path in sets]
+        self.nav2 = _NAV2.read_bytes()
         for path in sets:
             (folder / path.name).write_bytes(path.read_bytes())
         self.launch = _LAUNCH.format(
@@ -118,6 +134,11 @@ class Inputs:
                 path = self._write(f"fuzzed.{name}", mutated_log(self.logs[name], rng))
             case "parameters":
                 path = self._write("fuzzed.yaml", mutated_yaml(rng.choice(self.parameters), rng))
+            case "nav2":
+                data = mutated_yaml(self.nav2, rng)
+                for _ in range(rng.randrange(3)):
+                    data = data.replace(rng.choice(_NAV2_KEYS), rng.choice(_NAV2_KEYS), rng.randrange(1, 4))
+                path = self._write("nav2.yaml", data)
             case _:
                 path = self._write("fuzzed.launch", mutated_launch(self.launch, rng))
         return Input(path, self._readers(kind, path, rng), kind)
@@ -150,6 +171,8 @@ class Inputs:
                 return lambda: check_scenario(path) if chance < _CHECK_SHARE else read_scenario(path)
             case "parameters" if chance < _CHECK_SHARE:
                 return lambda: check_parameters(["turtlebot", name])
+            case "nav2" if chance < _NAV2_CHECK_SHARE:
+                return lambda: check_parameters([name], allow_missing=chance < 0.1)
             case "launch" if chance < _CHECK_SHARE:
                 return lambda: check_parameters([name])
             case _:

@@ -10,7 +10,6 @@ from navstack.parameters.binding import show
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.nav2.declared import (
     CLASSES,
-    DISTROS,
     ELOQUENT,
     EVERY_NODE,
     FOXY,
@@ -20,6 +19,7 @@ from navstack.parameters.nav2.declared import (
     JAZZY,
     KILTED,
     LYRICAL,
+    NAV2_DISTROS,
     RENAMED,
     Declared,
     canonical,
@@ -281,7 +281,7 @@ class NodeAudit:
 
     def _check_class(self, kind: str, cls: str, given: str, at: Location, name: str) -> None:
         """Report a class that the distribution exports under another name, or has not yet."""
-        distro = DISTROS[self.distro]
+        distro = NAV2_DISTROS[self.distro]
         exported = exported_name(kind, cls, self.distro)
         if cls in CLASSES.get(kind, {}) and given.strip() != exported and cls != "smac_planner::SmacPlanner":
             message = (
@@ -388,10 +388,12 @@ class NodeAudit:
 
     def _absent(self) -> Finding:
         """The finding about a node that the distribution does not have."""
-        name, distro = self.node.name, DISTROS[self.distro]
+        name, distro = self.node.name, NAV2_DISTROS[self.distro]
         first, last = _NODES[name]
         other = {"recoveries_server": "behavior_server", "behavior_server": "recoveries_server"}.get(name, "")
-        since = f"up to {DISTROS[last].title()}" if last < self.distro else f"from {DISTROS[first].title()} on"
+        since = (
+            f"up to {NAV2_DISTROS[last].title()}" if last < self.distro else f"from {NAV2_DISTROS[first].title()} on"
+        )
         message = f"the node {name} exists {since}, so Nav2 {distro} ignores its parameters; "
         message += (
             f"{distro} has {other}" if other else "remove them, or name the distribution of the file with --distro"
@@ -434,7 +436,7 @@ class NodeAudit:
     def _undeclared(self, param: Param, nodes: Nodes, reported: set[str]) -> Finding | None:
         """The finding about a parameter that no code declares; None if it is part of one already made."""
         name, node = param.name, self.node
-        distro = DISTROS[self.distro]
+        distro = NAV2_DISTROS[self.distro]
         ignored = f"so Nav2 {distro} ignores it silently"
 
         def made(rule: str, message: str, suggestion: str | None = None) -> Finding:
@@ -466,7 +468,7 @@ class NodeAudit:
         if place is not None:
             message = f"{name} = {_shown(param.node)} is not declared at this level, {ignored}; move it to {place}"
             return made("nav2-wrong-level", message, place)
-        close = nearest(name[len(prefix) :], within, cutoff=0.75)
+        close = nearest(name[len(prefix) :], [n for n in within if _bounds(n) == _bounds(name)], cutoff=0.75)
         if close is not None:
             message = f"{name} = {_shown(param.node)} is not declared, {ignored}; did you mean {close}?"
             return made("nav2-undeclared", message, close)
@@ -476,17 +478,19 @@ class NodeAudit:
 
     def _of_other_distro(self, name: str, rows: Sequence[Declared]) -> tuple[str, str, str | None]:
         """Rule, message and suggestion about a parameter that other distributions declare."""
-        distro = DISTROS[self.distro]
+        distro = NAV2_DISTROS[self.distro]
         last = max(row.last for row in rows)
         if last < self.distro:
             scope = next((s for s, new in RENAMED.items() if rows[0].name in new and self._stands_in(name, s)), None)
             new = RENAMED[scope][rows[0].name] if scope is not None else None
-            message = f"{name} is declared up to {DISTROS[last].title()} only, so Nav2 {distro} ignores it silently; "
+            message = (
+                f"{name} is declared up to {NAV2_DISTROS[last].title()} only, so Nav2 {distro} ignores it silently; "
+            )
             message += f"{distro} has {new} instead" if new else "remove it"
             return ("nav2-renamed" if new else "nav2-removed", message, new)
         first = min(row.first for row in rows)
         message = (
-            f"{name} is declared from {DISTROS[first].title()} on, so Nav2 {distro} ignores it silently; remove it, or name "
+            f"{name} is declared from {NAV2_DISTROS[first].title()} on, so Nav2 {distro} ignores it silently; remove it, or name "
             "the distribution of the file with --distro"
         )
         return "nav2-newer", message, None
@@ -533,10 +537,13 @@ class NodeAudit:
         at = at or [n for n in self.declared if n.rpartition(".")[2] == last and n != prefix + last]
         if at:
             return min(at, key=lambda n: n.count("."))
-        for other in nodes.nodes.values():
-            if other is not self.node and last in declared(other.scope, self.distro):
-                return f"{other.name}/{last}"
-        return None
+        others = [n for n in nodes.nodes.values() if n is not self.node and last in declared(n.scope, self.distro)]
+        return f"{others[0].name}/{last}" if len(others) == 1 else None  # every node has a frame or an odom_topic
+
+
+def _bounds(name: str) -> set[str]:
+    """Which bound a name says: min_vel_theta is not a misspelt max_vel_theta."""
+    return {"min", "max"} & set(name.replace(".", "_").split("_"))
 
 
 def _layer_sources(audit: NodeAudit, prefix: str, at: Location) -> None:
@@ -663,11 +670,14 @@ def _scalar_message(name: str, node: ScalarNode, wanted: str) -> str:
         return f'{name} = "{value}" is a substitution of launch; give its value, for example with NAME:=VALUE'
     kind = type_of(value)
     if wanted in _LISTS:
-        return f"{name} = {_shown(node)} is {_NAMES[kind]}, but it is declared as a list of {_plural(wanted)}; write a list: [{node.text}]"
+        what = f"{name} = {_shown(node)} is {_NAMES[kind]}, but it is declared as a list of {_plural(wanted)}"
+        fits = kind == _LISTS[wanted] and "[" not in node.text
+        return f"{what}; write a list: [{node.text}]" if fits else f"{what}; write a list"
     if kind == wanted:
         return ""
     if kind == "int" and wanted == "double":
-        return f"{name} = {node.text} is an integer, but it is declared as a double; Nav2 stops with an error; write {node.text}.0"
+        what = f"{name} = {node.text} is an integer, but it is declared as a double"
+        return f"{what}; Nav2 stops with an error; write {float(value)}"
     fix = _write(wanted)
     if wanted == "int" and isinstance(value, float) and value.is_integer():
         fix = f"write {int(value)}"
@@ -760,7 +770,7 @@ class Guess:
 
 def find_distro(nodes: Nodes) -> Guess:
     """Return the distribution whose declarations the files contradict least; of several, the oldest."""
-    costs = [_cost(nodes, distro) for distro in range(len(DISTROS))]
+    costs = [_cost(nodes, distro) for distro in range(len(NAV2_DISTROS))]
     best = [i for i, cost in enumerate(costs) if cost == min(costs)]
     return Guess(best[0], best[1:])
 
@@ -827,28 +837,39 @@ def _dwb_limits(audit: NodeAudit, block: Block) -> Iterator[Finding]:
         param = node.params.get(p + name)
         return finding("warning", "nav2-dwb-limit", param.at if param else block.at, node.key(p + name), message)
 
+    def value(name: str) -> float:
+        return _number(node, p + name)
+
+    def is_missing(name: str) -> bool:
+        return p + name not in node.params
+
     for axis, velocity in (("x", "max_vel_x"), ("y", "max_vel_y"), ("theta", "max_vel_theta")):
-        if _number(node, p + velocity) == 0.0:
-            continue
         accel, decel = f"acc_lim_{axis}", f"decel_lim_{axis}"
-        if p + accel in node.params or _number(node, p + accel) != 0.0:
-            value = _number(node, p + accel)
-            if value != 0.0 and p + decel not in node.params:
-                message = f"{p}{decel} is missing; its default is 0.0, so DWB cannot slow down along {axis}; set {decel}: {-value:g}"
-                yield problem(decel, message)
-            elif _number(node, p + decel) > 0.0:
-                message = f"{p}{decel} = {_number(node, p + decel):g} is positive; DWB wants at most 0; write {-_number(node, p + decel):g}"
-                yield problem(decel, message)
-        if _number(node, p + accel) == 0.0:
-            message = f"{p}{accel} is {'0' if p + accel in node.params else 'missing (0.0)'}, so DWB cannot speed up along {axis} although {velocity} is {_number(node, p + velocity):g}; set {accel}"
+        if value(velocity) == 0.0:
+            continue
+        if value(accel) == 0.0:
+            what = "missing (default 0.0)" if is_missing(accel) else "0"
+            message = (
+                f"{p}{accel} is {what}, so DWB cannot speed up along {axis} to {velocity} = {value(velocity):g}; set it"
+            )
             yield problem(accel, message)
-    moving = [n for n in ("max_vel_x", "min_vel_x", "max_vel_y", "max_vel_theta") if _number(node, p + n) != 0.0]
-    if not moving:
-        message = f"max_vel_x, max_vel_y and max_vel_theta of {p[:-1]} are 0 or missing (default 0.0), so the robot does not move; set them"
+        elif is_missing(decel):
+            message = f"{p}{decel} is missing; its default is 0.0, so DWB cannot slow down along {axis}; write {-value(accel)}"
+            yield problem(decel, message)
+        elif value(decel) > 0.0:
+            message = f"{p}{decel} = {value(decel):g} is positive; decelerations are at most 0; write {-value(decel)}"
+            yield problem(decel, message)
+    if all(value(name) == 0.0 for name in ("max_vel_x", "min_vel_x", "max_vel_y", "max_vel_theta")):
+        message = (
+            f"max_vel_x, max_vel_y and max_vel_theta of {p[:-1]} are 0 or missing (default 0.0), so the robot does not move; "
+            "set them"
+        )
         yield problem("max_vel_x", message)
-    elif _number(node, p + "max_speed_xy") == 0.0 and _number(node, p + "max_vel_x") != 0.0:
-        written = p + "max_speed_xy" in node.params
-        message = f"{p}max_speed_xy is {'0' if written else 'missing (0.0)'}, so every sample that moves forward is rejected; set max_speed_xy: {_number(node, p + 'max_vel_x'):g}"
+    elif value("max_speed_xy") == 0.0 and value("max_vel_x") != 0.0:
+        what = "missing (default 0.0)" if is_missing("max_speed_xy") else "0"
+        message = (
+            f"{p}max_speed_xy is {what}, so every sample that moves forward is rejected; write {value('max_vel_x')}"
+        )
         yield problem("max_speed_xy", message)
 
 
@@ -885,12 +906,13 @@ def check_nodes(nodes: Nodes, audits: Iterable[NodeAudit]) -> Iterator[Finding]:
         yield from audit.findings(nodes)
         yield from value_problems(audit)
     for name, at, count in nodes.others:
+        what = f"its {count} parameters are" if count != 1 else "its parameter is"
         close = nearest(name.rpartition("/")[2], [n for n in _SERVER_NAMES if n not in nodes.nodes], cutoff=0.85)
         if close is not None:
-            message = f"{name} is not a node of Nav2, so its {count} parameters are not read; did you mean {close}?"
+            message = f"{name} is not a node of Nav2, so {what} not read; did you mean {close}?"
             yield finding("warning", "nav2-node", at, name, message, close)
         else:
-            message = f"{name} is not a node that navstack has, so its {count} parameters are not read"
+            message = f"{name} is not a node that navstack has, so {what} not read"
             yield finding("info", "nav2-node", at, name, message)
 
 

@@ -13,7 +13,6 @@ from typing import Any, Final, Literal, NamedTuple
 
 NAV2_DISTROS: Final = ("foxy", "galactic", "humble", "iron", "jazzy", "kilted", "lyrical")
 """Distributions of ROS 2 that are known, oldest first."""
-DISTROS: Final = NAV2_DISTROS
 _INITIALS: Final = "FGHIJKL"
 FOXY, GALACTIC, HUMBLE, IRON, JAZZY, KILTED, LYRICAL = range(7)
 

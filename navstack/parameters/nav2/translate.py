@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,18 +12,18 @@ from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.nav2.audit import Block, NodeAudit, audits_of, check_nodes, exists, find_distro, type_of
 from navstack.parameters.nav2.declared import (
     CLASSES,
-    DISTROS,
     ELOQUENT,
     EVERY_NODE,
     GALACTIC,
     HUMBLE,
     LYRICAL,
+    NAV2_DISTROS,
     Declared,
     declared,
 )
 from navstack.parameters.nav2.document import COSTMAP_NODES, NAVIGATION, Nodes, Param, RosNode, read_nodes
 from navstack.parameters.spelling import nearest
-from navstack.parameters.tree import Space
+from navstack.parameters.tree import Space, Translation
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, Registry
 
@@ -38,44 +37,6 @@ SUBSTITUTE: Final = "nav2_mppi_controller::MPPIController"
 _STAND_IN_PLANNER: Final = "navfn/NavfnROS"
 _SPEEDS: Final = {"vx_max": ("max_vel_x", "max_linear_vel", "desired_linear_vel"), "wz_max": ("max_vel_theta",)}
 """Speeds of the controller that stands in -> those of others that it takes over."""
-OPTIONS: Final = ("namespace", "controller", "planner")
-"""Arguments (`controller:=ID`) that choose within a file."""
-
-
-@dataclass(slots=True)
-class Translation:
-    """What became of Nav2's files."""
-
-    distro: str = ""
-    keys: dict[Location, str] = field(default_factory=dict[Location, str])
-    """Location of a key or a value -> its name in Nav2: `controller_server/FollowPath.max_vel_x`."""
-    sections: dict[str, str] = field(default_factory=dict[str, str])
-    """Path of a section of the tree -> where its parameters stand in Nav2: MPPIController -> `controller_server/FollowPath.`"""
-    unused: list[tuple[Registry[Any], str, Space, str]] = field(
-        default_factory=list[tuple[Registry[Any], str, Space, str]]
-    )
-    """Controllers and planners that the default tree does not use: registry, type, section, id."""
-
-    @property
-    def ids(self) -> dict[str, str]:
-        """Id of a plugin -> path of its section, for those at the root."""
-        found = {own.rpartition("/")[2].rstrip("."): path for path, own in self.sections.items() if "/" not in path}
-        return {id_: path for id_, path in found.items() if id_ and id_ != path}
-
-    @property
-    def default_file(self) -> str:
-        """The location of values that Nav2 has without being told."""
-        return f"default of Nav2 {self.distro}"
-
-    def own_key(self, found: Finding) -> Finding:
-        """Return a finding about the tree with the user's own key."""
-        key = self.keys.get(found.location, "") if found.line else ""
-        message = found.message
-        for section, own in self.sections.items():
-            message = message.replace(f"{section}/", own)
-            if not key and found.key.startswith(f"{section}/"):
-                key = own + found.key[len(section) + 1 :].replace("/", ".")
-        return replace(found, key=key or found.key, message=message)
 
 
 def translate(
@@ -96,27 +57,30 @@ def translate(
     nodes = read_nodes(documents, arguments, findings)
     if nodes is None:
         return None
-    chosen = DISTROS.index(distro) if distro is not None else -1
+    chosen = NAV2_DISTROS.index(distro) if distro is not None else -1
     if _is_eloquent(nodes, findings):
         return None
     if distro is None:
         guess = find_distro(nodes)
         chosen = guess.distro
-        also = f" (or {', '.join(DISTROS[i] for i in guess.also)})" if guess.also else ""
-        message = f"the keys are those of Nav2 {DISTROS[chosen]}{also}; name another distribution with --distro"
+        also = f" (or {', '.join(NAV2_DISTROS[i] for i in guess.also)})" if guess.also else ""
+        message = f"the keys are those of Nav2 {NAV2_DISTROS[chosen]}{also}; name another distribution with --distro"
         findings.append(finding("info", "nav2-distro", Location(documents[0][0]), "", message))
     for name, at, value in overrides:
-        _override(nodes, name, at, value)
+        _override(nodes, name, at, value, chosen)
     audits = audits_of(nodes, chosen)
     _check_overrides(nodes, audits, overrides, findings)
     findings += check_nodes(nodes, audits.values())
     missing = [name for name in NAVIGATION if name not in nodes.nodes]
     if missing:
         have = ", ".join(nodes.nodes) or "none of Nav2"
-        message = f"the files have no {' and no '.join(missing)} (their nodes: {have}), so nothing can drive; name the file that has them, too"
+        message = (
+            f"the files have no {' and no '.join(missing)} (their nodes: {have}), so nothing can drive; name the file that "
+            "has them, too"
+        )
         findings.append(finding("error", "nav2-no-server", Location(documents[0][0]), "", message))
         return None
-    made = Translation(DISTROS[chosen])
+    made = Translation(NAV2_DISTROS[chosen])
     _Translator(root, nodes, audits, chosen, made, findings, arguments, substitute).run()
     return made
 
@@ -126,8 +90,8 @@ def _is_eloquent(nodes: Nodes, findings: list[Finding]) -> bool:
     for node in nodes.nodes.values():
         for name in sorted(ELOQUENT & node.params.keys()):
             message = (
-                f"{node.name} lists its plugins with {name}, as Nav2 up to Eloquent does, which is not supported; write `plugins` "
-                "with the names and `plugin: class` in the block of each, as from Foxy on"
+                f"{node.name} lists its plugins with {name}, as Nav2 up to Eloquent does, which is not supported; write "
+                "`plugins` with the names and `plugin: class` in the block of each, as from Foxy on"
             )
             findings.append(finding("error", "nav2-eloquent", node.params[name].at, node.key(name), message))
             return True
@@ -155,12 +119,12 @@ def _node_of(nodes: Nodes, name: str) -> tuple[RosNode, str] | None:
     return (holders[0], name) if len(holders) == 1 else None
 
 
-def _override(nodes: Nodes, name: str, at: Location, value: Node) -> None:
+def _override(nodes: Nodes, name: str, at: Location, value: Node, distro: int) -> None:
     target = _node_of(nodes, name)
     if target is None:
         return
     node, param = target
-    row = NodeAudit(node, LYRICAL).declared.get(param)
+    row = NodeAudit(node, distro).declared.get(param)
     if row is not None and row.type == "double" and isinstance(value, ScalarNode) and type_of(value.value) == "int":
         value = ScalarNode(float(value.value), at, text=f"{value.value}.0")  # on a command line, 1 means 1.0
     node.params[param] = Param(param, at, value)
@@ -188,7 +152,7 @@ def _check_overrides(
         hint = (
             f"did you mean {prefix}{close}?" if close else "`navstack params show` lists the parameters that there are"
         )
-        message = f"{name} sets nothing: {node.name} declares no {param} in Nav2 {DISTROS[audit.distro]}; {hint}"
+        message = f"{name} sets nothing: {node.name} declares no {param} in Nav2 {NAV2_DISTROS[audit.distro]}; {hint}"
         findings.append(finding("error", "override", at, node.key(param), message, close))
 
 
@@ -231,6 +195,7 @@ class _Translator:
             if name in self.nodes.nodes and exists(name, self.distro):
                 self._node_section(name)
         self._report_without()
+        self._report_not_run()
         for leaf in self.root.leaves():
             leaf.used = True
 
@@ -305,6 +270,23 @@ class _Translator:
             message = f"navstack has nothing that these parameters of {name} would set: {listed}"
             self._add("info", "nav2-no-counterpart", node.params[shown[0]].at, name, message)
 
+    def _report_not_run(self) -> None:
+        """Note the nodes whose parameters are only checked, and trees other than the default one."""
+        idle = [n for n, audit in self.audits.items() if not audit.runs and exists(n, self.distro)]
+        if idle:
+            message = f"navstack does not run {', '.join(idle)}: their parameters are checked, but they set nothing"
+            self._add("info", "nav2-not-run", self.nodes.nodes[idle[0]].at, idle[0], message)
+        navigator = self.nodes.nodes.get("bt_navigator")
+        for key in ("default_nav_to_pose_bt_xml", "default_bt_xml_filename"):
+            tree = navigator.text(key) if navigator is not None else None
+            if navigator is None or not (tree or "").endswith(".xml") or Path(tree or "").name in _DEFAULT_TREES:
+                continue
+            message = (
+                f"the tree {Path(tree or '').name} is not run: navstack replans and recovers as the default tree of Nav2 does "
+                "(1 Hz; clear the costmaps, spin, wait, back up)"
+            )
+            self._add("warning", "nav2-tree", navigator.params[key].at, navigator.key(key), message)
+
     # --- controllers --------------------------------------------------------------------------------------------------
 
     def _controller_server(self) -> None:
@@ -327,15 +309,14 @@ class _Translator:
         for other in audit.of_kind("controller"):
             if other is not block:
                 self._other(node, audit, other, LOCAL_PLANNERS, "controller")
-        if kind is None:
-            return
-        name = kind.rpartition("::")[2]
-        self._put(self.root, "base_local_planner", kind, block.at)
-        self.made.keys[block.at] = node.key(f"{block.prefix}plugin")
-        space = self._section(name, node, block.prefix)
-        if block.scope in CLASSES["controller"] and CLASSES["controller"][block.scope] == kind:
+        own = CLASSES["controller"].get(block.scope, "")
+        space = self._section((kind or own or block.id).rpartition("::")[2], node, block.prefix)
+        if kind is not None:
+            self._put(self.root, "base_local_planner", kind, block.at)
+            self.made.keys[block.at] = node.key(f"{block.prefix}plugin")
+        if own and kind in (own, None):
             self._controller(node, audit, block, space)
-        else:
+        elif kind is not None:
             self._stand_in(node, block, space)
 
     def _checkers(self, node: RosNode, audit: NodeAudit) -> None:
@@ -555,7 +536,10 @@ class _Translator:
         node = self.nodes.nodes.get(name)
         if node is None:
             node = RosNode(name, self.nodes.nodes["planner_server"].at)
-            message = f"the files have no {name}, so it has the defaults of Nav2 {DISTROS[self.distro]}; add `{name}: {name}: ros__parameters:`"
+            message = (
+                f"the files have no {name}, so it has the defaults of Nav2 {NAV2_DISTROS[self.distro]}; add "
+                f"`{name}: {name}: ros__parameters:`"
+            )
             self._add("warning", "nav2-no-costmap", node.at, name, message)
         audit = self.audits.get(name) or NodeAudit(node, self.distro)
         space = self._section(name, node, "")
@@ -586,7 +570,10 @@ class _Translator:
         at = listed.node.at if listed is not None else self._default
         entries: list[Node] = []
         for id_, kind, where in layers:
-            items = {"name": (where, self._scalar(id_, where)), "type": (where, self._scalar(kind, where))}
+            items: dict[str, tuple[Location, Node]] = {
+                "name": (where, self._scalar(id_, where)),
+                "type": (where, self._scalar(kind, where)),
+            }
             entries.append(DictNode(items, where))
         space.put("plugins", at, ListNode(entries, at))
 
@@ -640,6 +627,7 @@ class _Translator:
             if enabled is not None:
                 self._take(node, enabled, below, "enabled")
             self._mask(node, block, below)
+            self.made.filters.add(block.id)
             yield block.id, kind, block.at
 
     def _mask(self, node: RosNode, block: Block, below: Space) -> None:
@@ -768,6 +756,7 @@ class _Translator:
 
 _OMNI: Final = ("Omni", "omni")
 _SIDEWAYS: Final = ("vy_std", "ay_max", "ay_min")
+_DEFAULT_TREES: Final = ("navigate_to_pose_w_replanning_and_recovery.xml", "navigate_w_replanning_and_recovery.xml")
 _LISTED: Final = 12
 """Keys that a message lists."""
 

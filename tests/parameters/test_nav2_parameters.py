@@ -1,0 +1,626 @@
+"""Nav2's parameters: how a file is read, what is declared, and what becomes of it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navstack.core import ParameterError
+from navstack.parameters import (
+    Configuration,
+    Finding,
+    check_parameters,
+    load_configuration,
+    parameters_of,
+    read_sources,
+    same_parameters,
+)
+from navstack.parameters.nav2.declared import (
+    CLASSES,
+    HUMBLE,
+    JAZZY,
+    LYRICAL,
+    NAV2_DISTROS,
+    declared,
+    every_row,
+    is_known,
+    scopes,
+)
+
+ROBOT = Path(__file__).with_name("nav2_robot.yaml")
+TEXT = ROBOT.read_text(encoding="utf-8")
+
+
+def written(folder: Path, text: str, name: str = "robot.yaml") -> str:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def loaded(text: str, folder: Path, **options: Any) -> Configuration:
+    return load_configuration([written(folder, text)], **options)
+
+
+def replaced(old: str, new: str) -> str:
+    assert TEXT.count(old) == 1, f"{old!r} occurs {TEXT.count(old)} times"
+    return TEXT.replace(old, new)
+
+
+def problems(text: str, folder: Path, *more: str, **options: Any) -> list[Finding]:
+    found = check_parameters([written(folder, text), *more], **options)
+    return [f for f in found if f.severity != "info"]
+
+
+def with_plugins_of_iron(text: str) -> str:
+    for name in ("NavfnPlanner", "Spin", "BackUp", "Wait"):
+        text = re.sub(rf"(nav2_\w+)::{name}", rf"\1/{name}", text)
+    return text.replace("nav2_recoveries", "nav2_behaviors")
+
+
+# --- the table --------------------------------------------------------------------------------------------------------
+
+
+def test_every_class_that_navstack_has_is_in_the_table() -> None:
+    assert [name for kind in CLASSES.values() for name in kind if not is_known(name)] == []
+
+
+def test_no_name_is_declared_twice_in_a_distribution() -> None:
+    for scope in scopes():
+        for distro in range(len(NAV2_DISTROS)):
+            names = [row.name for row in every_row(scope) if row.first <= distro <= row.last]
+            twice = {name for name in names if names.count(name) > 1}
+            assert not twice, (scope, NAV2_DISTROS[distro], twice)
+
+
+def test_a_default_has_the_type_of_its_parameter() -> None:
+    kinds = {"bool": bool, "int": int, "double": (int, float), "string": str}
+    for scope in scopes():
+        for row in every_row(scope):
+            if row.default is None:
+                continue
+            values = row.default if isinstance(row.default, list) else [row.default]
+            kind = kinds[row.type.removesuffix("s") if row.type.endswith("s") else row.type]
+            assert all(isinstance(v, kind) for v in values), (scope, row)
+
+
+def test_defaults_that_changed_between_distributions() -> None:
+    critic = "mppi::critics::PathAngleCritic"
+    assert declared(critic, HUMBLE)["max_angle_to_furthest"].default == 1.2
+    assert declared(critic, JAZZY)["max_angle_to_furthest"].default == pytest.approx(0.785398)
+    assert declared("controller_server", JAZZY)["enable_stamped_cmd_vel"].default is False
+    assert declared("controller_server", LYRICAL)["enable_stamped_cmd_vel"].default is True
+    assert "goal_checker_plugin" not in declared("controller_server", HUMBLE)
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_robot_of_nav2() -> None:
+    robot = load_configuration([str(ROBOT)])
+    assert [(f.severity, f.message) for f in robot.findings if f.severity != "info"] == []
+    assert robot.local_planner.name == "regulated_pure_pursuit"
+    assert robot.local_planner.params.max_linear_vel == 0.4
+    assert robot.global_planner.name == "navfn"
+    assert robot.global_planner.params.default_tolerance == 0.3
+    assert robot.move_base.controller_patience == 0.3
+    assert robot.move_base.planner_frequency == 1.0
+    assert [r.cls.__name__ for r in robot.recoveries[:4]] == ["ClearCostmapRecovery", "Spin", "Wait", "BackUp"]
+    spin = robot.recoveries[1].params
+    assert (spin.spin_dist, spin.max_rotational_vel, spin.min_rotational_vel) == (1.57, 0.8, 0.4)
+    assert (robot.recoveries[3].params.backup_dist, robot.recoveries[3].params.backup_speed) == (0.3, 0.15)
+    assert robot.local_costmap.true_footprint.inscribed_radius == pytest.approx(0.15)
+    source = robot.local_costmap.layers[0].params.sources["scan"]
+    assert (source.obstacle_range, source.raytrace_range, source.data_type) == (2.4, 3.0, "LaserScan")
+    assert robot.safety.velocity_smoother is not None and robot.safety.velocity_smoother.max_velocity[0] == 0.4
+    assert robot.safety.collision_monitor is not None and robot.safety.collision_monitor.polygons == ["Stop"]
+
+
+def test_the_defaults_are_nav2s_not_those_of_ros_1() -> None:
+    shown = {p.name: p for p in parameters_of(load_configuration([str(ROBOT)]))}
+    expected = {
+        "local_costmap/publish_frequency": 1.0,
+        "local_costmap/robot_radius": 0.1,
+        "progress_checker/movement_time_allowance": 10.0,
+        "local_costmap/inflation_layer/cost_scaling_factor": 10.0,
+    }
+    for name, value in expected.items():
+        assert (shown[name].value, shown[name].origin_text) == (value, "default of Nav2 jazzy")
+    origin = shown["progress_checker/required_movement_radius"].origin
+    assert origin is not None and TEXT.splitlines()[origin.line - 1].strip() == "required_movement_radius: 0.4"
+
+
+def test_what_is_shown_loads_back_to_the_same_robot(tmp_path: Path) -> None:
+    robot = load_configuration([str(ROBOT)])
+    assert same_parameters(robot, load_configuration([robot.tree.as_dict()]))
+
+
+def test_a_mapping_is_read_like_a_file() -> None:
+    assert same_parameters(load_configuration([yaml.safe_load(TEXT)]), load_configuration([str(ROBOT)]))
+
+
+def test_several_files_apply_in_order(tmp_path: Path) -> None:
+    overlay = written(
+        tmp_path, "controller_server: {ros__parameters: {FollowPath: {desired_linear_vel: 0.25}}}", "b.yaml"
+    )
+    assert load_configuration([str(ROBOT), overlay]).local_planner.params.max_linear_vel == 0.25
+    assert load_configuration([overlay, str(ROBOT)]).local_planner.params.max_linear_vel == 0.4
+
+
+def test_a_folder_with_one_file_of_nav2(tmp_path: Path) -> None:
+    written(tmp_path, TEXT, "nav2_params.yaml")
+    written(tmp_path, "slam_toolbox: {ros__parameters: {mode: mapping}}", "notes.txt")
+    assert load_configuration([str(tmp_path)]).local_planner.name == "regulated_pure_pursuit"
+    written(tmp_path, TEXT, "other.yaml")
+    (found,) = check_parameters([str(tmp_path)])
+    assert found.message == (
+        f"the folder has 2 parameter files of Nav2; name the one that is meant: {tmp_path}/nav2_params.yaml, "
+        f"{tmp_path}/other.yaml"
+    )
+
+
+@pytest.mark.parametrize("key", ["tb4", "/tb4", "/fleet/tb4", "<robot_namespace>", "/"])
+def test_a_robot_in_a_namespace(tmp_path: Path, key: str) -> None:
+    inside = "\n".join(f"  {line}" for line in TEXT.splitlines())
+    robot = loaded(f"{key}:\n{inside}\n", tmp_path)
+    assert same_parameters(robot, load_configuration([str(ROBOT)]))
+
+
+def test_node_names_with_slashes(tmp_path: Path) -> None:
+    text = re.sub(r"(?m)^(\w+):$", r"/tb4/\1:", TEXT)
+    assert same_parameters(loaded(text, tmp_path), load_configuration([str(ROBOT)]))
+
+
+def test_two_robots_in_a_file(tmp_path: Path) -> None:
+    inside = "\n".join(f"  {line}" for line in TEXT.splitlines())
+    text = f"one:\n{inside}\ntwo:\n{inside.replace('desired_linear_vel: 0.4', 'desired_linear_vel: 0.3')}\n"
+    (found,) = check_parameters([written(tmp_path, text)])
+    assert found.message == "the files describe 2 robots: one, two; choose one with namespace:=one"
+    robot = load_configuration([written(tmp_path, text), "namespace:=two"])
+    assert robot.local_planner.params.max_linear_vel == 0.3
+
+
+@pytest.mark.parametrize("pattern", ["/**", "/*", "/**/controller_server", "'*'"])
+def test_wildcards_of_node_names(tmp_path: Path, pattern: str) -> None:
+    text = f"{TEXT}\n{pattern}:\n  ros__parameters:\n    use_sim_time: true\n    controller_frequency: 30.0\n"
+    assert loaded(text, tmp_path).move_base.controller_frequency == 30.0
+    assert problems(text, tmp_path) == []
+
+
+def test_a_wildcard_before_the_node_is_overridden_by_it(tmp_path: Path) -> None:
+    text = f"/**:\n  ros__parameters:\n    controller_frequency: 30.0\n{TEXT}"
+    assert loaded(text, tmp_path).move_base.controller_frequency == 20.0
+
+
+def test_substitutions_of_launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOT_SPEED", "0.33")
+    text = replaced("desired_linear_vel: 0.4", "desired_linear_vel: $(env ROBOT_SPEED)")
+    assert loaded(text, tmp_path).local_planner.params.max_linear_vel == 0.33
+    text = replaced("desired_linear_vel: 0.4", "desired_linear_vel: $(env NO_SUCH_SPEED 0.31)")
+    assert loaded(text, tmp_path).local_planner.params.max_linear_vel == 0.31
+    text = replaced("desired_linear_vel: 0.4", "desired_linear_vel: $(var speed)")
+    robot = load_configuration([written(tmp_path, text), "speed:=0.32"])
+    assert robot.local_planner.params.max_linear_vel == 0.32
+
+
+def test_tokens_of_nav2_bringup(tmp_path: Path) -> None:
+    text = replaced(
+        "      width: 3\n",
+        '      width: 3\n      filters: ["keepout_filter"]\n      keepout_filter:\n'
+        '        plugin: "nav2_costmap_2d::KeepoutFilter"\n        enabled: KEEPOUT_ZONE_ENABLED\n'
+        '        filter_info_topic: "keepout_info"\n',
+    )
+    assert loaded(text, tmp_path).local_costmap.layers[-1].params.enabled is True
+    robot = load_configuration([written(tmp_path, text), "use_keepout_zones:=False"])
+    assert robot.local_costmap.layers[-1].params.enabled is False
+
+
+def test_a_keepout_filter_finds_its_mask_through_its_topics(tmp_path: Path) -> None:
+    written(tmp_path, "image: mask.pgm", "mask.yaml")
+    text = replaced(
+        "      width: 3\n",
+        '      width: 3\n      filters: ["speed"]\n      speed:\n        plugin: "nav2_costmap_2d::SpeedFilter"\n'
+        '        filter_info_topic: "/info"\n',
+    )
+    text += (
+        "costmap_filter_info_server:\n  ros__parameters: {type: 2, filter_info_topic: info, mask_topic: /mask, base: 1.0}\n"
+        "filter_mask_server:\n  ros__parameters: {topic_name: mask, yaml_filename: mask.yaml}\n"
+    )
+    layer = loaded(text, tmp_path).local_costmap.layers[-1].params
+    assert (layer.mask, layer.type, layer.base) == (str(tmp_path / "mask.yaml"), "absolute", 1.0)
+
+
+def test_another_controller_by_its_id() -> None:
+    robot = load_configuration([str(ROBOT), "controller:=Careful"])
+    assert (robot.local_planner.name, robot.local_planner.params.vx_max) == ("mppi", 0.2)
+    (found,) = [f for f in check_parameters([str(ROBOT), "controller:=Carefull"]) if f.severity == "error"]
+    assert found.message == (
+        "controller:=Carefull is not in the files; did you mean Careful? known: FollowPath, Careful"
+    )
+
+
+def test_a_controller_that_is_not_used_is_checked(tmp_path: Path) -> None:
+    (found,) = problems(replaced("vx_max: 0.2", "vx_max: -0.2"), tmp_path)
+    assert found.severity == "warning" and found.key == "controller_server/Careful.vx_max"
+    assert found.message.startswith("Careful: vx_max = -0.2 is out of range")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "FollowPath.desired_linear_vel",
+        "controller_server.FollowPath.desired_linear_vel",
+        "FollowPath/desired_linear_vel",
+    ],
+)
+def test_overrides_by_nav2s_names(name: str) -> None:
+    assert load_configuration([str(ROBOT)], overrides=[f"{name}=0.2"]).local_planner.params.max_linear_vel == 0.2
+    assert load_configuration([str(ROBOT)], overrides=[f"{name}=1"]).local_planner.params.max_linear_vel == 1.0
+
+
+def test_sections_of_navstack_beside_nodes_of_nav2(tmp_path: Path) -> None:
+    robot = loaded(f"{TEXT}navstack: {{sim: {{laser: {{fov: 3.0}}}}}}\n", tmp_path)
+    assert robot.navstack.sim.lidar("laser").fov == 3.0
+    robot = load_configuration([str(ROBOT), {"FollowPath": {"lookahead_dist": 0.7}, "local_costmap": {"width": 4.0}}])
+    assert (robot.local_planner.params.lookahead_dist, robot.local_costmap.params.width) == (0.7, 4.0)
+
+
+# --- distributions ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("distro", ["humble", "iron"])
+def test_the_distribution_decides_defaults_and_classes(tmp_path: Path, distro: str) -> None:
+    text = with_plugins_of_iron(TEXT).replace("progress_checker_plugins: [", "progress_checker_plugins: [")
+    if distro == "humble":
+        text = text.replace(
+            'progress_checker_plugins: ["progress_checker"]', 'progress_checker_plugin: "progress_checker"'
+        )
+    text = text.replace(
+        'points: "[[0.3, 0.2], [0.3, -0.2], [-0.2, -0.2], [-0.2, 0.2]]"',
+        "points: [0.3, 0.2, 0.3, -0.2, -0.2, -0.2, -0.2, 0.2]",
+    )
+    robot = loaded(text, tmp_path, distro=distro)
+    assert [f.message for f in robot.findings if f.severity != "info"] == []
+    assert robot.recoveries[3].params.backup_speed == (0.05 if distro == "humble" else 0.15)
+    assert robot.safety.collision_monitor is not None
+    assert len(robot.safety.collision_monitor.zones["Stop"].corners) == 4
+
+
+def test_rotation_shim_in_both_forms(tmp_path: Path) -> None:
+    """Up to Kilted the keys of the primary controller stand in the shim's block, from Lyrical on in their own."""
+    rpp = "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController"
+    shim = "nav2_rotation_shim_controller::RotationShimController"
+    head = f'      plugin: "{shim}"\n      angular_dist_threshold: 0.6\n'
+    old = replaced(
+        f'      plugin: "{rpp}"\n      desired_linear_vel: 0.4\n',
+        f'{head}      primary_controller: "{rpp}"\n      desired_linear_vel: 0.4\n',
+    )
+    new = replaced(
+        f'      plugin: "{rpp}"\n      desired_linear_vel: 0.4\n      lookahead_dist: 0.5\n',
+        f'{head}      primary_controller:\n        plugin: "{rpp}"\n        max_linear_vel: 0.4\n        lookahead_dist: 0.5\n',
+    )
+    for text, distro in ((old, "jazzy"), (new, "lyrical")):
+        params = loaded(text, tmp_path, distro=distro).local_planner.params
+        assert params.angular_dist_threshold == 0.6
+        assert (params.primary[1].max_linear_vel, params.primary[1].lookahead_dist) == (0.4, 0.5)
+
+
+# --- wrong input: the value, the cause, the fix, at its place ---------------------------------------------------------
+
+
+INFLATION = '"nav2_costmap_2d::InflationLayer"'
+WRONG = [
+    (
+        "controller_frequency: 20.0",
+        "controller_frequency: 20",
+        (
+            "4:27: error: controller_frequency = 20 is an integer, but it is declared as a double; Nav2 stops with an error; "
+            "write 20.0"
+        ),
+    ),
+    (
+        "width: 3\n",
+        "width: 3.0\n",
+        "38:14: error: width = 3 is a double, but it is declared as an integer; Nav2 stops with an error; write 3",
+    ),
+    (
+        "rolling_window: true",
+        'rolling_window: "true"',
+        (
+            '37:23: error: rolling_window = "true" is text, but it is declared as a boolean; Nav2 stops with an error; remove '
+            "the quotes"
+        ),
+    ),
+    (
+        "rolling_window: true",
+        "rolling_window: 1",
+        "37:23: error: rolling_window = 1 is an integer, but it is declared as a boolean; Nav2 stops with an error; write true",
+    ),
+    (
+        "max_velocity: [0.4, 0.0, 1.8]",
+        "max_velocity: [0.4, 0, 1.8]",
+        "77:25: error: max_velocity mixes a double (0.4) and an integer (0); rcl rejects such a list; write [0.4, 0.0, 1.8]",
+    ),
+    (
+        "max_velocity: [0.4, 0.0, 1.8]",
+        "max_velocity: [1, 0, 2]",
+        "77:19: error: max_velocity is a list of integers, but it is declared as a list of doubles; write [1.0, 0.0, 2.0]",
+    ),
+    (
+        'controller_plugins: ["FollowPath", "Careful"]',
+        "controller_plugins: FollowPath",
+        (
+            '8:25: error: controller_plugins = "FollowPath" is text, but it is declared as a list of texts; write a list: '
+            "[FollowPath]"
+        ),
+    ),
+    (
+        'points: "[[0.3, 0.2], [0.3, -0.2], [-0.2, -0.2], [-0.2, 0.2]]"',
+        "points: [[0.3, 0.2], [0.3, -0.2], [-0.2, 0.2]]",
+        (
+            "84:15: error: Stop.points is a list, but Nav2 wants text; write it in quotes: "
+            '"[[0.3, 0.2], [0.3, -0.2], [-0.2, 0.2]]"'
+        ),
+    ),
+    (
+        "global_frame: odom",
+        "global_frame:",
+        "36:20: error: global_frame has no value, but it is declared as text; write text, or remove the line",
+    ),
+    (
+        "lookahead_dist: 0.5",
+        "lookahead_dists: 0.5",
+        (
+            "21:7: warning: FollowPath.lookahead_dists = 0.5 is not declared, so Nav2 jazzy ignores it silently; did you mean "
+            "lookahead_dist?"
+        ),
+    ),
+    (
+        "      inflation_layer:\n        plugin: XXX\n        inflation_radius: 0.6\nglobal_costmap".replace(
+            "XXX", INFLATION
+        ),
+        "      inflation_radius: 0.6\n      inflation_layer:\n        plugin: XXX\nglobal_costmap".replace(
+            "XXX", INFLATION
+        ),
+        (
+            "51:7: warning: inflation_radius = 0.6 is not declared at this level, so Nav2 jazzy ignores it silently; move it to "
+            "inflation_layer.inflation_radius"
+        ),
+    ),
+    (
+        'plugins: ["obstacle_layer", "inflation_layer"]',
+        'plugins: ["inflation_layer"]',
+        (
+            "44:9: warning: obstacle_layer is not in plugins (inflation_layer), so its 6 parameters are ignored silently; list "
+            "it there, or remove the block"
+        ),
+    ),
+    (
+        'plugins: ["static_layer", "inflation_layer"]',
+        'plugins: ["static_layer", "voxel_layer", "inflation_layer"]',
+        (
+            "59:16: error: plugins lists voxel_layer, but there is no block of that name; write `voxel_layer: {plugin: "
+            '"nav2_costmap_2d::StaticLayer"}`, or remove it from plugins'
+        ),
+    ),
+    (
+        '    GridBased:\n      plugin: "nav2_navfn_planner::NavfnPlanner"\n      tolerance',
+        '    Grid:\n      plugin: "nav2_navfn_planner::NavfnPlanner"\n      tolerance',
+        (
+            "31:7: warning: Grid is not in planner_plugins (GridBased), so its 2 parameters are ignored silently; list it there, "
+            "or remove the block"
+        ),
+    ),
+    (
+        "          max_obstacle_height: 2.0\n",
+        "",
+        (
+            "47:11: warning: obstacle_layer.scan has no max_obstacle_height; its default is 0.0, so all points above the ground "
+            "are dropped and the source sees nothing; set max_obstacle_height: 2.0"
+        ),
+    ),
+    (
+        "obstacle_max_range: 2.4",
+        "obstacle_range: 2.4",
+        (
+            "50:11: warning: obstacle_layer.scan.obstacle_range is declared up to Foxy only, so Nav2 jazzy ignores it silently; "
+            "jazzy has obstacle_max_range instead"
+        ),
+    ),
+    (
+        "    failure_tolerance: 0.3\n",
+        "    failure_tolerance: 0.3\n    search_window: 2.0\n",
+        (
+            "6:5: warning: search_window is declared from Lyrical on, so Nav2 jazzy ignores it silently; remove it, or name the "
+            "distribution of the file with --distro"
+        ),
+    ),
+    (
+        "nav2_navfn_planner::NavfnPlanner",
+        "nav2_navfn_planner/NavfnPlanner",
+        (
+            "31:15: error: Nav2 jazzy does not export nav2_navfn_planner/NavfnPlanner; the class is called "
+            '"nav2_navfn_planner::NavfnPlanner" there; write it, or name the distribution of the file with --distro'
+        ),
+    ),
+    (
+        "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController",
+        "teb_local_planner::TebLocalPlannerROS",
+        "19:15: error: navstack has no controller teb_local_planner::TebLocalPlannerROS (FollowPath); use one of: ",
+    ),
+    (
+        "local_costmap:\n  local_costmap:\n    ros__parameters:\n",
+        "local_costmap:\n    ros__parameters:\n",
+        (
+            "34:5: warning: the node local_costmap runs in the namespace local_costmap, so ROS 2 ignores these 9 parameters; "
+            "write `local_costmap: local_costmap: ros__parameters:`"
+        ),
+    ),
+    (
+        "behavior_server:",
+        "behaviour_server:",
+        "66:3: warning: behaviour_server is not a node of Nav2, so its 5 parameters are not read; did you mean behavior_server?",
+    ),
+    (
+        "lookahead_dist: 0.5",
+        "lookahead_dist: -0.5",
+        "21:23: error: lookahead_dist = -0.5 is out of range; it must be greater than 0 m",
+    ),
+    (
+        "lookahead_dist: 0.5",
+        "lookahead_dist: $(var distance)",
+        (
+            '21:23: error: FollowPath.lookahead_dist = "$(var distance)" is a substitution of launch; give its value, for '
+            "example with NAME:=VALUE"
+        ),
+    ),
+]
+"""Text of the file -> what stands there instead -> the finding about it."""
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), WRONG, ids=[str(i) for i in range(len(WRONG))])
+def test_wrong_input(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    found = problems(replaced(old, new), tmp_path, distro="jazzy")
+    shown = [f"{f.line}:{f.column}: {f.severity}: {f.message}" for f in found]
+    assert any(text == expected or (expected.endswith(": ") and text.startswith(expected)) for text in shown), shown
+
+
+def test_aliases_are_rejected_as_by_ros_2(tmp_path: Path) -> None:
+    text = replaced("desired_linear_vel: 0.4", "desired_linear_vel: &speed 0.4").replace(
+        "lookahead_dist: 0.5", "lookahead_dist: *speed"
+    )
+    (found,) = [f for f in problems(text, tmp_path) if f.severity == "error"]
+    assert (found.line, found.message) == (
+        21,
+        "the parameter files of ROS 2 cannot have anchors and aliases (`&name`, `*name`); write the value out",
+    )
+
+
+def test_files_without_servers(tmp_path: Path) -> None:
+    (found,) = problems("slam_toolbox: {ros__parameters: {mode: mapping}}", tmp_path)
+    assert found.message == (
+        "the files have no controller_server and no planner_server (their nodes: none of Nav2), so nothing can drive; name the "
+        "file that has them, too"
+    )
+
+
+def test_an_override_that_sets_nothing() -> None:
+    with pytest.raises(ParameterError, match=r"sets nothing: controller_server declares no FollowPath.lookahed_dist"):
+        load_configuration([str(ROBOT)], overrides=["FollowPath.lookahed_dist=0.4"])
+
+
+def test_a_distribution_that_nobody_knows() -> None:
+    (found,) = [f for f in check_parameters([str(ROBOT)], distro="humbel") if f.severity == "error"]
+    assert found.message == (
+        "--distro humbel is not a distribution of Nav2; did you mean humble? known: foxy, galactic, humble, iron, jazzy, "
+        "kilted, lyrical"
+    )
+
+
+def test_another_controller_stands_in_only_if_it_is_wanted(tmp_path: Path) -> None:
+    text = replaced(
+        "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController",
+        "teb_local_planner::TebLocalPlannerROS",
+    )
+    with pytest.raises(ParameterError, match="let nav2_mppi_controller::MPPIController stand in with --substitute"):
+        loaded(text, tmp_path)
+    robot = loaded(text, tmp_path, allow_missing=True)
+    assert robot.local_planner.name == "mppi" and robot.local_planner.params.vx_max == 0.4
+
+
+DWB = """
+      plugin: "dwb_core::DWBLocalPlanner"
+      critics: ["RotateToGoal", "PathAlign", "BaseObstacle"]
+      max_vel_x: 0.3
+      max_vel_theta: 1.0
+      acc_lim_x: 2.5
+      acc_lim_theta: 3.2
+      PathAlign.scale: 32.0
+"""
+
+
+def test_limits_and_tolerances_of_dwb(tmp_path: Path) -> None:
+    rpp = TEXT[TEXT.index('\n      plugin: "nav2_regulated') : TEXT.index("    Careful:")]
+    found = {f.rule: f for f in problems(TEXT.replace(rpp, DWB), tmp_path)}
+    messages = [f.message for f in problems(TEXT.replace(rpp, DWB), tmp_path) if f.rule == "nav2-dwb-limit"]
+    assert messages == [
+        "FollowPath.decel_lim_theta is missing; its default is 0.0, so DWB cannot slow down along theta; write -3.2",
+        "FollowPath.decel_lim_x is missing; its default is 0.0, so DWB cannot slow down along x; write -2.5",
+        "FollowPath.max_speed_xy is missing (default 0.0), so every sample that moves forward is rejected; write 0.3",
+    ]
+    assert found["nav2-tolerances"].message == (
+        "FollowPath.xy_goal_tolerance is 0.25 (default), above xy_goal_tolerance = 0.2 of goal_checker: RotateToGoal stops the "
+        "robot before the goal checker accepts the position; set both to 0.2"
+    )
+
+
+def test_the_tree_of_dwb(tmp_path: Path) -> None:
+    """The block passes through with Nav2's names and defaults, whether the controller is registered or not."""
+    rpp = TEXT[TEXT.index('\n      plugin: "nav2_regulated') : TEXT.index("    Careful:")]
+    tree = read_sources([written(tmp_path, TEXT.replace(rpp, DWB))]).root
+    section = tree.space("DWBLocalPlanner")
+    assert section is not None
+    values = section.as_dict()
+    assert (values["max_vel_x"], values["decel_lim_x"], values["vx_samples"], values["sim_time"]) == (0.3, 0.0, 20, 1.7)
+    assert values["critics"] == ["RotateToGoal", "PathAlign", "BaseObstacle"]
+    assert values["PathAlign"] == {"scale": 32.0, "forward_point_distance": 0.325, "aggregation_type": "last"}
+    assert values["BaseObstacle"] == {"scale": 1.0, "sum_scores": False}
+    assert "xy_goal_tolerance" not in values["RotateToGoal"]
+
+
+def test_another_tree_than_the_default_one_is_reported(tmp_path: Path) -> None:
+    default = "$(find-pkg-share nav2_bt_navigator)/behavior_trees/navigate_to_pose_w_replanning_and_recovery.xml"
+    text = TEXT + "bt_navigator: {ros__parameters: {default_nav_to_pose_bt_xml: PLACE}}\n"
+    assert problems(text.replace("PLACE", f'"{default}"'), tmp_path) == []
+    (found,) = problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path)
+    assert found.message == (
+        "the tree my_tree.xml is not run: navstack replans and recovers as the default tree of Nav2 does (1 Hz; clear the "
+        "costmaps, spin, wait, back up)"
+    )
+
+
+# --- properties -------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=20)
+@given(st.lists(st.booleans(), min_size=8, max_size=8))
+def test_dotted_and_nested_keys_are_equal(dotted: list[bool]) -> None:
+    document = yaml.safe_load(TEXT)
+    choices = iter(dotted * 10)
+
+    def flatten(values: dict[str, Any]) -> dict[str, Any]:
+        made: dict[str, Any] = {}
+        for key, value in values.items():
+            if isinstance(value, dict) and next(choices):
+                made |= {f"{key}.{name}": v for name, v in flatten(value).items()}
+            else:
+                made[key] = flatten(value) if isinstance(value, dict) else value
+        return made
+
+    for node in ("controller_server", "planner_server", "collision_monitor"):
+        document[node]["ros__parameters"] = flatten(document[node]["ros__parameters"])
+    assert same_parameters(load_configuration([document]), load_configuration([yaml.safe_load(TEXT)]))
+
+
+NAMES = st.text(st.sampled_from("abcxyz_"), min_size=1, max_size=12)
+
+
+@settings(max_examples=40)
+@given(
+    st.sampled_from(
+        ["controller_server", "planner_server", "behavior_server", "velocity_smoother", "collision_monitor"]
+    ),
+    st.lists(NAMES, min_size=1, max_size=3),
+    st.one_of(st.integers(-9, 9), st.floats(-9.0, 9.0), st.booleans(), NAMES, st.lists(st.integers(0, 3), min_size=1)),
+)
+def test_every_key_is_accounted_for(node: str, parts: list[str], value: Any) -> None:
+    """A key that Nav2 does not declare always has a finding."""
+    document = yaml.safe_load(TEXT)
+    document[node]["ros__parameters"][".".join(["zz", *parts])] = value
+    keys = [f.key for f in check_parameters([document]) if f.rule.startswith("nav2-") and f.severity == "warning"]
+    assert any(key.startswith(f"{node}/zz") for key in keys)
