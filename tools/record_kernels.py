@@ -26,6 +26,7 @@ PLANS: Final[dict[str, tuple[str, ...]]] = {
 DRIVES: Final[dict[str, tuple[str, ...]]] = {
     "dwa": DRIVE,
     "trajectory_rollout": (*DRIVE, "--params", "turtlebot_rollout"),
+    "dwb": (*DRIVE, "--params", "turtlebot_dwb"),
     "mppi": (*DRIVE, "--params", "turtlebot_mppi"),
     "regulated_pure_pursuit": (*DRIVE, "--params", "turtlebot_rpp"),
     "graceful": (*DRIVE, "--params", "turtlebot_graceful"),

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from navstack.local_planner.dwa import DWAParams as DWAParams
     from navstack.local_planner.dwa import DWAPlanner as DWAPlanner
+    from navstack.local_planner.dwb.planner import DWBParams as DWBParams
+    from navstack.local_planner.dwb.planner import DWBPlanner as DWBPlanner
     from navstack.local_planner.graceful import GracefulController as GracefulController
     from navstack.local_planner.graceful import GracefulParams as GracefulParams
     from navstack.local_planner.mppi.params import ACKERMANN as ACKERMANN

@@ -268,6 +268,9 @@ def make_critics(params: DWAParams) -> list[Critic]:
         values: dict[str, Any] = {
             n: getattr(params, n) for n in cls.Params.model_fields if n in params.model_fields_set
         }
+        # a critic may call a parameter otherwise than ROS does
+        former = {new: old for old, new in cls.Params.RENAMED.items() if old in params.model_fields_set}
+        values.update({new: getattr(params, old) for new, old in former.items()})
         own = params.critic_params.get(name)
         if own is not None:
             values.update({n: getattr(own, n) for n in own.model_fields_set if n != "ros_distro"})

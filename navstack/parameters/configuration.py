@@ -502,7 +502,9 @@ class Loader:
             space = self.binder.child(self.root, space.name)
         fixed: dict[str, Any] | None = None
         critics = entry.cls.Params.model_fields.get("critics")
-        if critics is not None and critics.annotation == list[PluginSpec] | None:  # DWB lists names, and has its own rule
+        if (
+            critics is not None and critics.annotation == list[PluginSpec] | None
+        ):  # DWB lists names, and has its own rule
             listed = self.plugins.read(space, "critics", CRITICS)
             known = [self.plugins.find(CRITICS, plugin) is not None for plugin in listed or ()]
             fixed = fixed_list(space, "critics", listed if all(known) else None)
@@ -548,14 +550,16 @@ class Loader:
                     if space is None or space.used or space.path in meant:
                         continue
                     entry = registry.get(registered)
-                    if name in shared_namespaces(entry):
+                    selected = self.root.leaf(key)
+                    known = selected is None or not isinstance(selected.value, str) or selected.value in registry
+                    foreign = not known and name in FOREIGN_LOCAL_PLANNERS
+                    if name in shared_namespaces(entry) or foreign:  # ROS 1 has another DWBLocalPlanner
                         continue
                     before = len(self.findings)
                     self.binder.bind(entry.cls.Params, space, strictness="warning")
                     # notes on how a value is used would be wrong
                     self.findings[before:] = [f for f in self.findings[before:] if f.severity != "info"]
                     self.not_in_use.append(space)
-                    selected = self.root.leaf(key)
                     if space.children and selected is not None:
                         message = f"{name} has no effect: {key} selects {show(selected.value)}"
                         self.findings.append(finding("info", "not-in-use", space.at, space.path, message))

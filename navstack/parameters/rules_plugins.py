@@ -25,7 +25,7 @@ document(
     "no-critics",
     "error",
     """MPPI without critics averages all samples: the robot drives at random, also into obstacles. Nav2 starts with
-    such parameters, for `critics` is empty by default there.
+    such parameters, for `critics` is empty by default there. To DWB every sample is then as good as any other.
 
     Fix: list critics, or remove the key; those of nav2_bringup are used then.
     """,
@@ -46,10 +46,10 @@ document(
 document(
     "footprint-ignored",
     "warning",
-    """With `consider_footprint: false` a critic treats the robot as a disc of its inscribed radius. The corners of an
-    elongated robot then touch obstacles.
+    """With `consider_footprint: false` a critic of MPPI treats the robot as a disc of its inscribed radius, as
+    BaseObstacle of DWB always does. The corners of an elongated robot then touch obstacles.
 
-    Fix: set `consider_footprint: true`.
+    Fix: set `consider_footprint: true`; list ObstacleFootprint instead of BaseObstacle.
     """,
     __name__,
 )
@@ -149,6 +149,57 @@ document(
     """The `primary_controller` of a rotation shim is a rotation shim: nothing would drive.
 
     Fix: name a controller that drives.
+    """,
+    __name__,
+)
+document(
+    "zero-limits",
+    "error",
+    """Every limit of DWB is 0 unless it is written. With `max_vel_x` and `max_vel_theta` at 0 nothing is sampled; with
+    `max_speed_xy` at 0 every sample that drives is rejected, and the robot only turns: both are errors. An
+    acceleration of 0 leaves the robot at rest along that axis: a warning. Nav2 starts with such parameters, and the
+    robot stands still or fails with "No valid trajectories".
+
+    Fix: write the speeds and accelerations of the base.
+    """,
+    __name__,
+)
+document(
+    "no-deceleration",
+    "warning",
+    """`decel_lim_x` or `decel_lim_theta` of DWB is 0, its default, so no sample is slower than the robot: once it
+    drives, it never brakes for obstacles or its goal.
+
+    Fix: set it to the negative of the acceleration. A deceleration is negative in Nav2.
+    """,
+    __name__,
+)
+document(
+    "no-obstacle-critic",
+    "warning",
+    """No critic of DWB rejects trajectories that hit obstacles, or its scale is 0, which switches a critic off.
+
+    Fix: list BaseObstacle (round robots) or ObstacleFootprint, with a scale above 0.
+    """,
+    __name__,
+)
+document(
+    "rotate-before-goal",
+    "warning",
+    """`xy_goal_tolerance` of RotateToGoal, written in its namespace or in the controller's, is larger than that of the
+    goal checker. The robot stops between the two, turns to the goal's heading, and never arrives.
+
+    Fix: the same tolerance for both, or a smaller one for RotateToGoal.
+    """,
+    __name__,
+)
+document(
+    "two-plan-windows",
+    "warning",
+    """`prune_plan`, `prune_distance`, `forward_prune_distance` or `shorten_transformed_plan` of DWB selects the part of
+    the plan as Nav2 does up to Kilted. The parameters of a path handler, which replaced them, then have no effect.
+
+    Fix: remove the ones or the others.
     """,
     __name__,
 )

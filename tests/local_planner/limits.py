@@ -23,7 +23,14 @@ from navstack.core import (
     Twist2D,
     normalize_angle,
 )
-from navstack.local_planner import RegulatedPurePursuit, RegulatedPurePursuitParams, RotationShim, RotationShimParams
+from navstack.local_planner import (
+    DWBParams,
+    DWBPlanner,
+    RegulatedPurePursuit,
+    RegulatedPurePursuitParams,
+    RotationShim,
+    RotationShimParams,
+)
 from navstack.local_planner.graceful import GracefulController, GracefulParams
 from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
 from navstack.local_planner.mppi.params import ACKERMANN, DIFF, OMNI, MotionModelParams
@@ -235,6 +242,12 @@ def _rollout(*, sideways: bool) -> LocalPlanner:
     return cls(cls.Params(**values))
 
 
+def _dwb(**values: Any) -> LocalPlanner:
+    limits: dict[str, Any] = {"min_vel_x": -0.2, "max_vel_x": 0.5, "max_speed_xy": 0.5, "max_vel_theta": 1.5}
+    limits |= {"acc_lim_x": 1.2, "decel_lim_x": -1.8, "acc_lim_theta": 2.6, "decel_lim_theta": -2.6}
+    return DWBPlanner(DWBParams(**{**limits, "vx_samples": 7, "vtheta_samples": 9, **values}))
+
+
 _PURSUIT: Final[dict[str, Any]] = {
     "max_linear_vel": 0.6,
     "use_dynamic_window": True,
@@ -300,12 +313,26 @@ def _mppi(plugin: str, radius: float = 0.2) -> Callable[[], LocalPlanner]:
 
 _SAMPLED: Final = Limits(-0.35, 0.5, 1.9, faster_x=2.0, slower_x=2.5, theta=3.5, larger_from_rest=True)
 _FLOAT32: Final = 1e-5
+_ONE_VALUE: Final = 1.1e-5
+"""DWB samples speeds up to 1e-5 beyond the highest one, as Nav2 does."""
 
 LIMIT_CASES: Final[Mapping[str, LimitCase]] = {
     "dwa": LimitCase(_dwa, Limits(-0.2, 0.5, 1.5), tolerance=_FLOAT32),
     "trajectory_rollout": LimitCase(lambda: _rollout(sideways=False), Limits(-0.1, 0.5, 1.2), tolerance=_FLOAT32),
     "trajectory_rollout, holonomic": LimitCase(
         lambda: _rollout(sideways=True), Limits(-0.1, 0.5, 1.2, max_y=0.3), tolerance=_FLOAT32
+    ),
+    "dwb": LimitCase(_dwb, Limits(-0.2, 0.5, 1.5), tolerance=_ONE_VALUE),
+    "dwb, limited acceleration": LimitCase(
+        # backward, the deceleration is what speeds the robot up, as in Nav2
+        lambda: _dwb(trajectory_generator_name="dwb_plugins::LimitedAccelGenerator", min_vel_x=0.0),
+        Limits(0.0, 0.5, 1.5, faster_x=1.2, slower_x=1.8, theta=2.6),
+        tolerance=_ONE_VALUE,
+    ),
+    "dwb, omni": LimitCase(
+        lambda: _dwb(min_vel_y=-0.3, max_vel_y=0.3, acc_lim_y=1.0, decel_lim_y=-1.0, vy_samples=3),
+        Limits(-0.2, 0.5, 1.5, max_y=0.3),
+        tolerance=_ONE_VALUE,
     ),
     "pure_pursuit": LimitCase(_pursuit, _WINDOW, lag=True),
     "pure_pursuit, car": LimitCase(

@@ -155,9 +155,9 @@ def test_a_critic_inherits_only_parameters_that_were_set() -> None:
     """DWA's default xy_goal_tolerance is 0.1, that of the critic 0.25."""
     assert DWAParams().xy_goal_tolerance == 0.1
     defaults = rotate_to_goal_of()
-    assert (defaults.xy_goal_tolerance, defaults.trans_stopped_vel) == (0.25, 0.25)
+    assert (defaults.xy_goal_tolerance, defaults.trans_stopped_velocity) == (0.25, 0.25)
     inherited = rotate_to_goal_of(xy_goal_tolerance=0.15)
-    assert (inherited.xy_goal_tolerance, inherited.trans_stopped_vel) == (0.15, 0.25)
+    assert (inherited.xy_goal_tolerance, inherited.trans_stopped_velocity) == (0.15, 0.25)
     own = rotate_to_goal_of(xy_goal_tolerance=0.15, critic_params={"turn": RotateToGoalParams(xy_goal_tolerance=0.2)})
     assert own.xy_goal_tolerance == 0.2
 

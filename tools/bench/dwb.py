@@ -101,12 +101,12 @@ class Loop:
 
 
 def compile_time() -> float:
-    """Seconds that the first cycle takes in a new process without a cache, beyond the import of numba."""
+    """Processor time (s) that the first cycle takes in a new process without a cache, beyond the import of numba."""
     code = (
         "import sys, time; sys.path.insert(0, sys.argv[1]); import numba; import dwb; loop, p = dwb.Loop('round'), "
         "dwb.planner({}); q, rect = dwb.planner(dwb.CASES['dwb_rect_footprint'][1]), dwb.Loop('rect'); "
-        "t = time.perf_counter(); loop.drive(p); a = time.perf_counter() - t; rect.drive(q); "
-        "print(a, time.perf_counter() - t - a)"
+        "t = time.process_time(); loop.drive(p); a = time.process_time() - t; rect.drive(q); "
+        "print(a, time.process_time() - t - a)"
     )
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "XDG_CACHE_HOME": folder, "NAVSTACK_CACHE": folder}

@@ -7,6 +7,7 @@ that measure distances to the plan are in `map_grid`.
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -88,7 +89,6 @@ class ObstacleFootprintCritic(Critic[ObstacleFootprintParams]):
             costs,
             context.grid,
             self._corners,
-            float(context.footprint.circumscribed_radius),
             rollouts.poses,
             rollouts.counts,
             cells.flat,
@@ -115,13 +115,11 @@ class ObstacleFootprintCritic(Critic[ObstacleFootprintParams]):
 
 
 @kernel
-def outline_scores(
-    costs, grid, corners, radius, poses, counts, cells, boxes, sums, bounds, scratch, out, first_collision
-):
+def outline_scores(costs, grid, corners, poses, counts, cells, boxes, sums, bounds, scratch, out, first_collision):
     """Write per rollout the cost of the footprint's outline at the last point, or with `sums` at all points, to `out` (K,).
 
     A negative code if the outline is on a lethal or unknown cell or off the map at any point. `corners` (2, n) of the footprint,
-    `radius` of its farthest one (m), `cells` (K, T) and `boxes` (K + 1, 4) of `point_cells`; `bounds` (2, ny, nx) and `scratch`
+    `cells` (K, T) and `boxes` (K + 1, 4) of `point_cells`; `bounds` (2, ny, nx) and `scratch`
     (2, n) are scratch. `first_collision` (K,): index of that point, -1 without.
     """
     ny, nx = costs.shape
@@ -133,6 +131,9 @@ def outline_scores(
         np.int64(boxes[last, 2]),
         np.int64(boxes[last, 3]),
     )
+    radius = 0.0
+    for j in range(corners.shape[1]):
+        radius = max(radius, math.hypot(corners[0, j], corners[1, j]))
     reach = min(radius / resolution + 1e-6, float(nx + ny))
     highest_around(costs, x0, y0, x1, y1, reach, bounds[1], bounds[0])
     around = bounds[0].reshape(ny * nx)
@@ -179,7 +180,7 @@ def outline_fault(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cel
     """
     ny, nx = costs.shape
     number = corners.shape[1]
-    c, s = np.cos(yaw), np.sin(yaw)
+    c, s = math.cos(yaw), math.sin(yaw)
     for j in range(number):
         fx = ((x + (corners[0, j] * c - corners[1, j] * s)) - origin_x) / resolution
         fy = ((y + (corners[0, j] * s + corners[1, j] * c)) - origin_y) / resolution

@@ -279,17 +279,17 @@ class DWBParams(PathFollowerParams):
         made: list[Critic] = []
         for name in listed_critics({"critics": self.critics}):
             own = self.sections.get(name)
-            entry = critic_plugin(name, class_of(name, own), self.default_critic_namespaces)
-            model = entry.cls.Params
+            cls: Any = critic_plugin(name, class_of(name, own), self.default_critic_namespaces).cls
+            model: type[ParamModel] = cls.Params
             values: dict[str, Any] = {}
             if self.critics is None:
                 values.update(DEFAULT_CRITICS[name])
-            if issubclass(entry.cls, RotateToGoalCritic):
+            if issubclass(cls, RotateToGoalCritic):
                 inherited = ("xy_goal_tolerance", "trans_stopped_velocity", "path_length_tolerance")
                 values.update({n: getattr(self, n) for n in inherited})
             if own is not None:
                 values.update({n: getattr(own, n) for n in own.model_fields_set if n in model.model_fields})
-            made.append(entry.cls(name, model(**values)))
+            made.append(cls(name, model(**values)))
         return made
 
     def make_path_handler(self) -> PathHandler:
@@ -389,10 +389,8 @@ class DWBParams(PathFollowerParams):
             return
         centers = [c.name for c in critics if isinstance(c, BaseObstacleCritic) and c.scale > 0.0]
         outlines = [c.name for c in critics if isinstance(c, ObstacleFootprintCritic) and c.scale > 0.0]
-        foreign = [
-            c.name for c in critics if "obstacle" in type(c).__name__.lower() and c.name not in centers + outlines
-        ]
-        if not centers and not outlines and not foreign:
+        others = [c.name for c in critics if "obstacle" in type(c).__name__.lower() and c.scale > 0.0]
+        if not others:
             message = (
                 "no critic rejects trajectories that hit obstacles: neither BaseObstacle nor ObstacleFootprint is in critics "
                 "with a scale above 0; add BaseObstacle (round robots) or ObstacleFootprint"
