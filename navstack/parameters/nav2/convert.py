@@ -17,13 +17,13 @@ from navstack.parameters.configuration_types import Configuration, CostmapConfig
 from navstack.parameters.nav2.conversion import Change, Conversion, Item, Kind, nav2_yaml, origin_of, typed
 from navstack.parameters.nav2.declared import (
     CLASSES,
-    DISTROS,
     FOXY,
     HUMBLE,
     IRON,
     JAZZY,
     KILTED,
     LYRICAL,
+    NAV2_DISTROS,
     Declared,
     declared,
     exported_name,
@@ -59,12 +59,14 @@ _SPIN_TIME_S: Final = 60.0
 
 def check_distro(name: str) -> int:
     """Return the index of a distribution. Raises InputError."""
-    if name in DISTROS:
-        return DISTROS.index(name)
-    close = nearest(name, DISTROS)
+    if name in NAV2_DISTROS:
+        return NAV2_DISTROS.index(name)
+    close = nearest(name, NAV2_DISTROS)
     hint = f"did you mean {close}? " if close else ""
     raise InputError(
-        f'unknown distribution "{name}" of Nav2; {hint}known: {", ".join(DISTROS)}', argument="--distro", value=name
+        f'unknown distribution "{name}" of Nav2; {hint}known: {", ".join(NAV2_DISTROS)}',
+        argument="--distro",
+        value=name,
     )
 
 
@@ -197,7 +199,7 @@ _DECELERATION: Final = tuple(
         f"acc_lim_{a}",
         "converted",
         _negated,
-        f"-acc_lim_{a}; 0, the default of DWB, cannot brake",
+        f"-acc_lim_{a}",
     )
     for a in ("x", "y", "theta")
 )
@@ -224,7 +226,7 @@ class _Converter:
 
     @property
     def program(self) -> str:
-        return f"Nav2 {DISTROS[self.distro]}"
+        return f"Nav2 {NAV2_DISTROS[self.distro]}"
 
     def run(self) -> Conversion:
         for name in ("amcl", "bt_navigator", "controller_server"):

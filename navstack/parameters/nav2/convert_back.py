@@ -20,7 +20,7 @@ from navstack.parameters.findings import Location
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.nav2.conversion import Change, Conversion, Kind, origin_of
 from navstack.parameters.nav2.convert import FOREVER_S, REPORT_FILE
-from navstack.parameters.nav2.declared import DISTROS
+from navstack.parameters.nav2.declared import NAV2_DISTROS
 from navstack.parameters.nav2.document import COSTMAP_NODES, Nodes, read_nodes
 from navstack.parameters.nav2.tree_xml import TreeRecovery, TreeSpec, default_tree, read_tree
 from navstack.parameters.report import Parameter, as_yaml, parameters_of
@@ -87,7 +87,7 @@ def to_move_base(
         )
     configuration = load_configuration(sources, overrides=overrides, distro=distro, allow_missing=allow_missing)
     assert read.translation is not None  # otherwise loading fails
-    index = DISTROS.index(read.translation.distro)
+    index = NAV2_DISTROS.index(read.translation.distro)
     nodes = read_nodes(read.nav2, read.arguments, [])
     return _Converter(configuration, index, nodes, names).run()
 
@@ -104,7 +104,7 @@ class _Converter:
 
     @property
     def program(self) -> str:
-        return f"Nav2 {DISTROS[self.distro]}"
+        return f"Nav2 {NAV2_DISTROS[self.distro]}"
 
     def run(self) -> Conversion:
         skip: tuple[str, ...] = ("recovery_behaviors", "planner_frequency", "max_planning_retries")
@@ -335,7 +335,7 @@ def tree_values(spec: TreeSpec, *, ros1: bool = True) -> dict[str, Any]:
 
 def tree_yaml(file: Path, distro: str) -> str:
     """Return what a tree means to navstack, as YAML to load after the parameters of Nav2. Raises OSError."""
-    spec = read_tree(file) or default_tree(DISTROS.index(distro))
+    spec = read_tree(file) or default_tree(NAV2_DISTROS.index(distro))
     root: dict[str, Any] = {}
     for name, value in tree_values(spec, ros1=False).items():
         section, _, last = name.rpartition("/")
