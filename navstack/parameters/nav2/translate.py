@@ -292,8 +292,8 @@ class _Translator:
         file = _tree_file(named, Path(at.file).parent)
         if file is None and Path(named).stem not in DEFAULT_TREES:
             message = (
-                f"the tree {Path(named).name} is not found, neither as {named} nor next to the parameters, so Nav2's default tree "
-                "drives instead; put the file next to the parameters, or into a folder behavior_trees there"
+                f"the tree {Path(named).name} is not found, neither as {named} nor next to the parameters, so Nav2's default "
+                "tree drives instead; put the file next to the parameters, or into a folder behavior_trees there"
             )
             self._add("warning", "nav2-tree", at, navigator.key(key), message)
         self._put(space, "behavior_tree", str(file) if file is not None else DEFAULT_TREE, at)
