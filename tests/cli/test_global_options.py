@@ -102,7 +102,7 @@ def test_quiet_and_verbose_exclude_each_other(capfd: pytest.CaptureFixture[str])
 
 def test_completion(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("_NAVSTACK_COMPLETE", "complete_bash")
-    turtlebots = [f"turtlebot{name}" for name in ("", "_graceful", "_mppi", "_rollout", "_rpp", "_shim")]
+    turtlebots = [f"turtlebot{name}" for name in ("", "_dwb", "_graceful", "_mppi", "_rollout", "_rpp", "_shim")]
     for words, expected in (
         ("navstack pl", ["plan", "plot"]),
         ("navstack plan off", ["office"]),

@@ -52,11 +52,11 @@ def test_marked_points_grow_the_bounds_on_every_side() -> None:
     around = [(0.5, 2.0), (3.5, 2.0), (2.0, 0.5), (2.0, 3.5)]
     costs = np.zeros((CELLS, CELLS), np.uint8)
     grid = np.zeros(1, VOXEL_GRID)
-    grid[0] = (0.0, 0.0, 0.0, RESOLUTION, 0.2, 2.0, 10, 0, 15)
+    grid[0] = (0.0, 0.0, 0.0, RESOLUTION, 0.2, 2.0, -math.inf, 2.0, 0.5, 0.0, 10, 0, 15)
     for number in range(1, 5):
         bounds = np.array([np.inf, np.inf, -np.inf, -np.inf])
         points = np.array([(x, y, 0.3) for x, y in around[:number]], np.float32)
         columns = np.zeros((CELLS, CELLS), np.uint64)
-        mark_voxels(costs, columns, 1, points, number, grid, 2.0, 2.0, 0.3, 10.0, bounds)
+        mark_voxels(costs, columns, 1, points, number, grid, 2.0, 2.0, 0.3, 0.0, 10.0, bounds)
         assert bounds.tolist() == [*points[:, :2].min(axis=0).tolist(), *points[:, :2].max(axis=0).tolist()]
     assert np.count_nonzero(costs) == 4

@@ -580,15 +580,25 @@ def test_the_tree_of_dwb(tmp_path: Path) -> None:
     assert "xy_goal_tolerance" not in values["RotateToGoal"]
 
 
-def test_another_tree_than_the_default_one_is_reported(tmp_path: Path) -> None:
+def test_the_tree_that_the_parameters_name_drives_the_goals(tmp_path: Path) -> None:
+    """Where they say, next to them, or in a folder behavior_trees; the default tree is packaged."""
     default = "$(find-pkg-share nav2_bt_navigator)/behavior_trees/navigate_to_pose_w_replanning_and_recovery.xml"
     text = TEXT + "bt_navigator: {ros__parameters: {default_nav_to_pose_bt_xml: PLACE}}\n"
-    assert problems(text.replace("PLACE", f'"{default}"'), tmp_path) == []
+
+    def tree(place: str) -> str:
+        return loaded(text.replace("PLACE", f'"{place}"'), tmp_path).navstack.behavior_tree
+
+    assert loaded(TEXT, tmp_path).navstack.behavior_tree == tree(default) == "navigate_to_pose_w_replanning_and_recovery"
     (found,) = problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path)
     assert found.message == (
-        "the tree my_tree.xml is not run: navstack replans and recovers as the default tree of Nav2 does (1 Hz; clear the "
-        "costmaps, spin, wait, back up)"
+        "the tree my_tree.xml is not found, neither as /opt/my_tree.xml nor next to the parameters, so Nav2's default tree drives "
+        "instead; put the file next to the parameters, or into a folder behavior_trees there"
     )
+    trees = tmp_path / "behavior_trees"
+    trees.mkdir()
+    (trees / "my_tree.xml").write_text("<root/>", encoding="utf-8")
+    assert tree("/opt/my_tree.xml") == str(trees / "my_tree.xml")
+    assert problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path) == []
 
 
 # --- properties -------------------------------------------------------------------------------------------------------
