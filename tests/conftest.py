@@ -52,13 +52,16 @@ COMPILING_FILES = frozenset(
         "contracts/test_localizer_contract.py",
         "core/test_collision.py",
         "core/test_footprint_overlap.py",
+        "costmap/test_nav2_layers.py",
         "explain/test_command.py",
+        "explain/test_dwb_command.py",
         "explain/test_mppi_command.py",
         "global_planner/test_both_ends.py",
         "global_planner/test_constrained.py",
         "global_planner/test_curves.py",
         "global_planner/test_cusp_costs.py",
         "global_planner/test_line_cost.py",
+        "global_planner/test_nav2_planners.py",
         "global_planner/test_pose_scenes.py",
         "global_planner/test_pose_search.py",
         "global_planner/test_random_plans.py",
@@ -66,11 +69,15 @@ COMPILING_FILES = frozenset(
         "global_planner/test_smac_lattice.py",
         "global_planner/test_smoothers.py",
         "golden/test_amcl.py",
+        "golden/test_dwb.py",
         "golden/test_followers.py",
         "golden/test_mppi.py",
+        "golden/test_nav2_layers.py",
+        "golden/test_nav2_planners.py",
         "golden/test_nav2_safety.py",
         "golden/test_smac.py",
         "local_planner/test_cars.py",
+        "local_planner/test_dwb.py",
         "local_planner/test_escape.py",
         "local_planner/test_followers.py",
         "local_planner/test_mppi.py",
@@ -83,6 +90,7 @@ COMPILING_FILES = frozenset(
         "localization/test_scan_search.py",
         "logs/test_mapping.py",
         "move_base/test_occupied_cell.py",
+        "properties/test_dwb.py",
         "properties/test_global_planner.py",
         "properties/test_global_planner_replanning.py",
         "properties/test_local_planner.py",
@@ -93,6 +101,7 @@ COMPILING_FILES = frozenset(
         "safety/test_velocity_smoother.py",
         "scenario/test_cars.py",
         "scenario/test_random_scenarios.py",
+        "sim/test_camera.py",
         "sim/test_crowd.py",
         "sim/test_estimation.py",
         "sim/test_movers.py",
@@ -102,8 +111,8 @@ COMPILING_FILES = frozenset(
 )
 """Files of tests that compile kernels which the default robot does not use, two minutes of them: they count as slow."""
 COMPILING_PLUGINS = re.compile(
-    r"Test\w+_(amcl|ConstraintCritic|CostCritic|PathAlignCritic|constrained|ekf|graceful|mppi|regulated_pure_pursuit|"
-    r"rotation_shim|savitzky_golay|scan_matching|smac_\w+)"
+    r"Test\w+_(amcl|ConstraintCritic|CostCritic|ObstacleFootprint|PathAlignCritic|constrained|dwb|ekf|graceful|mppi|nav2_\w+|"
+    r"plugin_container|regulated_pure_pursuit|rotation_shim|savitzky_golay|scan_matching|smac_\w+)"
 )
 """Contract suites of plugins that do so."""
 DEFAULT_KERNELS = ("astar", "dwa", "global_planner", "navfn", "trajectory_rollout")
