@@ -154,13 +154,19 @@ def _at_least_one(value: float) -> float:
     return max(1, value)
 
 
+def _standing(value: float) -> float:
+    return min(0.0, value)
+
+
 def _negated(value: float) -> float:
     return -value
 
 
+_STANDING: Final = "DWB turns in place with a sample of 0 m/s; move_base has its own turns"
 _DWA: Final = (
+    _Row("min_vel_x", "min_vel_x", "nearest", _standing, _STANDING),
     *_same(
-        "min_vel_x max_vel_x min_vel_y max_vel_y max_vel_theta acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"
+        "max_vel_x min_vel_y max_vel_y max_vel_theta acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"
     ),
     _Row("vy_samples", "vy_samples", "carried over", _at_least_one, "0 counts as 1"),
     _Row("max_speed_xy", "max_vel_trans"),
@@ -180,7 +186,9 @@ _DWA: Final = (
     _Row("publish_trajectories", "publish_traj_pc", "nearest", None, "MarkerArray instead of a point cloud"),
 )
 _ROLLOUT: Final = (
-    *_same("min_vel_x max_vel_x acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples vtheta_samples"),
+    _Row("min_vel_x", "min_vel_x", "nearest", _standing, _STANDING),
+    _Row("min_speed_xy", "min_vel_x", "nearest", None, "slower samples must turn by min_speed_theta"),
+    *_same("max_vel_x acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples vtheta_samples"),
     _Row("linear_granularity", "sim_granularity"),
     _Row("angular_granularity", "angular_sim_granularity"),
     _Row(
@@ -343,8 +351,9 @@ class _Converter:
             if p is None or p.value is None:
                 continue
             value = p.value if row.value is None else row.value(p.value)
-            note = row.note if row.kind != "carried over" or value != p.value else ""
-            self.put(node, scope, row.target, value, [source], prefix=prefix, kind=row.kind, note=note)
+            changed = row.value is None or value != p.value
+            note, kind = (row.note, row.kind) if changed else ("", "carried over")
+            self.put(node, scope, row.target, value, [source], prefix=prefix, kind=kind, note=note)
 
     def value(self, name: str) -> Any:
         """Return the effective value of a parameter of move_base."""
