@@ -18,7 +18,7 @@ from pydantic import ValidationInfo, create_model, field_validator, model_valida
 from navstack.core import NoValidControlError, ParameterError, Path, Twist2D, UnknownPluginError, plain_kernel
 from navstack.local_planner import parameter_checks as checks
 from navstack.local_planner.critics.base_obstacle import BaseObstacleCritic
-from navstack.local_planner.critics.rotate_to_goal import RotateToGoalCritic
+from navstack.local_planner.critics.rotate_to_goal import RotateToGoalCritic, RotateToGoalParams
 from navstack.local_planner.dwb.critics import ObstacleFootprintCritic, ObstacleFootprintParams
 from navstack.local_planner.dwb.generator import LIMITED_ACCEL, STANDARD, DWBGenerator, Kinematics
 from navstack.local_planner.dwb.map_grid import AlignParams
@@ -284,7 +284,7 @@ class DWBParams(PathFollowerParams):
             values: dict[str, Any] = {}
             if self.critics is None:
                 values.update(DEFAULT_CRITICS[name])
-            if issubclass(cls, RotateToGoalCritic):
+            if issubclass(model, RotateToGoalParams):
                 inherited = ("xy_goal_tolerance", "trans_stopped_velocity", "path_length_tolerance")
                 values.update({n: getattr(self, n) for n in inherited})
             if own is not None:
