@@ -457,6 +457,14 @@ def test_a_file_of_the_target_is_rejected(tmp_path: Path) -> None:
         to_move_base(["nowhere.yaml"])
 
 
+def test_what_move_base_does_not_have_is_reported(tmp_path: Path) -> None:
+    _, files = nav2(["turtlebot"], tmp_path / "out")
+    lost = {c.source: c for c in to_move_base(files).of_kind("no counterpart")}
+    assert lost["planner_server/expected_planner_frequency"].value == 1.0
+    assert lost["planner_server/expected_planner_frequency"].origin.startswith(f"{files[0]}:")
+    assert not any("max_vel_x" in name or "obstacle_max_range" in name for name in lost)
+
+
 def test_a_tree_that_is_missing_gives_that_of_the_distribution(tmp_path: Path) -> None:
     _, files = nav2(["turtlebot"], tmp_path / "out")
     (tmp_path / "out" / "navigate_to_pose.xml").unlink()
