@@ -1,4 +1,4 @@
-"""The output quoted in README.md and docs/concepts/diagnostics.md is that of the commands."""
+"""The output quoted in README.md, docs/concepts/diagnostics.md and docs/tutorials/nav2.md is that of the commands."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def first_run() -> list[str]:
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Output of each command of both pages, run in one folder after `navstack simulate`."""
+    """Output of each command of the pages, run in one folder after `navstack simulate`."""
     import contextlib
     import io
 
@@ -58,7 +58,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return outputs
 
 
-PAGES = ("README.md", "docs/concepts/diagnostics.md")
+PAGES = ("README.md", "docs/concepts/diagnostics.md", "docs/tutorials/nav2.md")
 
 
 @pytest.mark.slow

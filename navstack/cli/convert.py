@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 TARGETS: Final = ("nav2", "move_base")
 DEFAULT_DISTRO: Final = "jazzy"
 SUITE: Final = "office"
+_LISTED: Final = 12
+"""Keys of a kind that are printed."""
 
 
 class Verification(NamedTuple):
@@ -101,9 +103,11 @@ def _print(made: Conversion, files: Sequence[Path]) -> None:
         found = made.of_kind(kind)  # type: ignore[arg-type]
         if found:
             out.print(f"[bold]{title}[/]")
-        for c in found:
+        for c in found[:_LISTED]:
             target = f" -> {c.target}" if c.target else ""
             out.print(f"  {escape(f'{c.origin}: {c.source}{target}: {c.note}')}", soft_wrap=True, highlight=False)
+        if len(found) > _LISTED:
+            out.print(f"  and {len(found) - _LISTED} more, all of them in conversion.md")
     for file in files:
         out.print(str(file), markup=False, soft_wrap=True)
 

@@ -139,13 +139,14 @@ def assert_same_dwa(before: Configuration, after: Configuration) -> None:
     """DWA has the same limits, samples, tolerances and weights."""
     one, other = before.local_planner.params, after.local_planner.params
     names = (
-        "max_vel_trans min_vel_trans max_vel_x min_vel_x max_vel_y min_vel_y max_vel_theta min_vel_theta acc_lim_x acc_lim_y "
+        "max_vel_trans min_vel_trans max_vel_x max_vel_y min_vel_y max_vel_theta min_vel_theta acc_lim_x acc_lim_y "
         "acc_lim_theta xy_goal_tolerance yaw_goal_tolerance latch_xy_goal_tolerance trans_stopped_vel sim_time sim_granularity "
         "angular_sim_granularity twirling_scale oscillation_reset_dist oscillation_reset_angle forward_point_distance vx_samples "
         "vth_samples use_dwa sum_scores prune_plan"
     )
     for name in names.split():
         assert getattr(other, name) == pytest.approx(getattr(one, name)), name
+    assert other.min_vel_x == min(0.0, one.min_vel_x)  # DWB turns in place with a sample of 0 m/s
     assert other.vy_samples == max(1, one.vy_samples)
     resolution = before.local_costmap.params.resolution
     for name in ("path_distance_bias", "goal_distance_bias"):
@@ -454,6 +455,14 @@ def test_a_file_of_the_target_is_rejected(tmp_path: Path) -> None:
         to_move_base(["turtlebot"])
     with pytest.raises(ParameterError, match="is not a file"):
         to_move_base(["nowhere.yaml"])
+
+
+def test_what_move_base_does_not_have_is_reported(tmp_path: Path) -> None:
+    _, files = nav2(["turtlebot"], tmp_path / "out")
+    lost = {c.source: c for c in to_move_base(files).of_kind("no counterpart")}
+    assert lost["planner_server/expected_planner_frequency"].value == 1.0
+    assert lost["planner_server/expected_planner_frequency"].origin.startswith(f"{files[0]}:")
+    assert not any("max_vel_x" in name or "obstacle_max_range" in name for name in lost)
 
 
 def test_a_tree_that_is_missing_gives_that_of_the_distribution(tmp_path: Path) -> None:

@@ -40,6 +40,8 @@ PARAMS_FILE: Final = "nav2_params.yaml"
 TREE_FILE: Final = "navigate_to_pose.xml"
 NAVSTACK_FILE: Final = "navstack.yaml"
 REPORT_FILE: Final = "conversion.md"
+PLAN_AHEAD_M: Final = 2.0
+"""forward_prune_distance of DWB."""
 FOREVER_S: Final = 1e6
 """A time that no goal lasts, for limits that move_base switches off."""
 _ACCELERATIONS: Final = (
@@ -154,14 +156,18 @@ def _at_least_one(value: float) -> float:
     return max(1, value)
 
 
+def _standing(value: float) -> float:
+    return min(0.0, value)
+
+
 def _negated(value: float) -> float:
     return -value
 
 
+_STANDING: Final = "DWB turns in place with a sample of 0 m/s; move_base has its own turns"
 _DWA: Final = (
-    *_same(
-        "min_vel_x max_vel_x min_vel_y max_vel_y max_vel_theta acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"
-    ),
+    _Row("min_vel_x", "min_vel_x", "nearest", _standing, _STANDING),
+    *_same("max_vel_x min_vel_y max_vel_y max_vel_theta acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"),
     _Row("vy_samples", "vy_samples", "carried over", _at_least_one, "0 counts as 1"),
     _Row("max_speed_xy", "max_vel_trans"),
     _Row("min_speed_xy", "min_vel_trans"),
@@ -180,7 +186,9 @@ _DWA: Final = (
     _Row("publish_trajectories", "publish_traj_pc", "nearest", None, "MarkerArray instead of a point cloud"),
 )
 _ROLLOUT: Final = (
-    *_same("min_vel_x max_vel_x acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples vtheta_samples"),
+    _Row("min_vel_x", "min_vel_x", "nearest", _standing, _STANDING),
+    _Row("min_speed_xy", "min_vel_x", "nearest", None, "slower samples must turn by min_speed_theta"),
+    *_same("max_vel_x acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples vtheta_samples"),
     _Row("linear_granularity", "sim_granularity"),
     _Row("angular_granularity", "angular_sim_granularity"),
     _Row(
@@ -343,8 +351,9 @@ class _Converter:
             if p is None or p.value is None:
                 continue
             value = p.value if row.value is None else row.value(p.value)
-            note = row.note if row.kind != "carried over" or value != p.value else ""
-            self.put(node, scope, row.target, value, [source], prefix=prefix, kind=row.kind, note=note)
+            changed = row.value is None or value != p.value
+            note, kind = (row.note, row.kind) if changed else ("", "carried over")
+            self.put(node, scope, row.target, value, [source], prefix=prefix, kind=kind, note=note)
 
     def value(self, name: str) -> Any:
         """Return the effective value of a parameter of move_base."""
@@ -468,18 +477,22 @@ class _Converter:
         return prefix
 
     def _plan_window(self, section: str, side: float) -> None:
-        """The part of the plan that is followed: as far as the local costmap reaches."""
+        """The part of the plan that is followed: move_base's reaches to the edge of the local costmap, `side` (m) away.
+
+        DWB's distances go through obstacles, so a goal that is farther away pulls the robot across corners: its 2 m stay.
+        """
         node, scope, prefix = "controller_server", "dwb_core::DWBLocalPlanner", "FollowPath."
-        note = "move_base follows the plan as far as the local costmap reaches"
+        note = "as far as the local costmap, at most 2 m: DWB's distances cross obstacles"
+        ahead = min(PLAN_AHEAD_M, side)
         if self.distro < LYRICAL:
             if self.value(f"{section}/prune_plan"):
                 self.put(node, scope, "prune_distance", 1.0, prefix=prefix, kind="added", note="constant of move_base")
-            self.put(node, scope, "shorten_transformed_plan", False, prefix=prefix, kind="added", note=note)
+            self.put(node, scope, "forward_prune_distance", ahead, prefix=prefix, kind="added", note=note)
             return
         handler = "nav2_controller::FeasiblePathHandler"
         self.text(node, "path_handler_plugins", ["PathHandler"])
         self.text(node, "PathHandler.plugin", handler)
-        self.put(node, handler, "prune_distance", side, prefix="PathHandler.", kind="added", note=note)
+        self.put(node, handler, "prune_distance", ahead, prefix="PathHandler.", kind="added", note=note)
 
     def _dwa(self, section: str) -> None:
         node, scope = "controller_server", "dwb_core::DWBLocalPlanner"

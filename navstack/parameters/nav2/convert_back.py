@@ -89,11 +89,19 @@ def to_move_base(
     assert read.translation is not None  # otherwise loading fails
     index = NAV2_DISTROS.index(read.translation.distro)
     nodes = read_nodes(read.nav2, read.arguments, [])
-    return _Converter(configuration, index, nodes, names).run()
+    return _Converter(configuration, index, nodes, names, read.translation.keys).run()
 
 
 class _Converter:
-    def __init__(self, configuration: Configuration, distro: int, nodes: Nodes | None, names: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        configuration: Configuration,
+        distro: int,
+        nodes: Nodes | None,
+        names: tuple[str, ...],
+        keys: Mapping[Location, str],
+    ) -> None:
+        self.keys = keys
         self.c = configuration
         self.distro = distro
         self.nodes = nodes
@@ -135,6 +143,7 @@ class _Converter:
                 loss = f"lost: {p.info.description or name.rpartition('/')[2]}"
                 self.made.changes.append(Change("no counterpart", name, p.value, p.origin_text, "", None, loss))
         self._map_topics()
+        self._without()
         header = (
             f"move_base: converted from {' '.join(self.made.sources)} ({self.program})",
             "comments: source of each value",
@@ -242,6 +251,19 @@ class _Converter:
                 )
             if radius is not None:
                 self._put("oscillation_distance", radius.value, [radius], "carried over")
+
+    def _without(self) -> None:
+        """Report what the files set and navstack has nothing for; lists and classes of plugins are used by themselves."""
+        for node in self.nodes.nodes.values() if self.nodes is not None else ():
+            for name, param in node.params.items():
+                structural = name.rpartition(".")[2].endswith(
+                    ("plugin", "plugins", "critics", "filters", "_bt_xml", "topic")
+                )
+                if structural or param.wild or param.at in self.keys or param.node.at in self.keys:
+                    continue
+                note = "navstack has no parameter for it, so it is not converted"
+                change = Change("no counterpart", node.key(name), node.value(name), str(param.at), "", None, note)
+                self.made.changes.append(change)
 
     def _map_topics(self) -> None:
         """Topics of static layers, which no configuration has: programs pass the map."""
