@@ -377,19 +377,22 @@ class ObservationBuffer:
         if params.min_valid_share == 0.0:
             return None
         if isinstance(data, LaserScan):
-            what, rule = "beams", f"from range_min = {data.range_min:g} m on, +inf included"
             ranges = _ranges_of(data)
             near = min(max(data.range_min, 0.0), FARTHEST)
-            total, valid = len(ranges), int(np.count_nonzero((ranges >= near) & (ranges > 0.0)))
+            total, valid = len(ranges), int(np.count_nonzero(ranges >= near if near > 0.0 else ranges > 0.0))
             if not data.range_max > max(data.range_min, 0.0):
-                rule, valid = f"range_max = {data.range_max:g} m is not above range_min = {data.range_min:g} m", 0
+                valid = 0
         else:
-            what, rule = "points", "finite, and not the sensor itself"
             total, valid = len(data.points), _valid_points(data.points)
             if total == 0 and not params.clearing:
                 return None  # a list of obstacles, and there is none
         if valid >= max(params.min_valid_share * total, 1.0):
             return None
+        what, rule = "points", "finite, and not the sensor itself"
+        if isinstance(data, LaserScan):
+            what, rule = "beams", f"from range_min = {data.range_min:g} m on, +inf included"
+            if not data.range_max > max(data.range_min, 0.0):
+                rule = f"range_max = {data.range_max:g} m is not above range_min = {data.range_min:g} m"
         text = (
             f'{valid} of {total} {what} of "{self.topic}" are valid ({rule}), less than min_valid_share = '
             f"{params.min_valid_share:g}: something covers the sensor, or it is faulty. Obstacles that only this sensor sees "
