@@ -208,9 +208,9 @@ def _closest(registry: Registry[Any], written: str) -> str | None:
     close = nearest(short_type(written), names, cutoff=0.75)
     if close is None:
         return None
-    # types of several packages may have the name: that of the package that is written, or the first
+    # types of several packages may have the name: that of the package that is written, then that of the name itself
     package = normalize(written).rpartition("/")[0]
-    return next((n for n in names[close] if n.rpartition("/")[0] == package), names[close][0])
+    return min(names[close], key=lambda name: (name.rpartition("/")[0] != package, name != close))
 
 
 def _is_bare(type_: str) -> bool:

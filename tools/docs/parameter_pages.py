@@ -36,12 +36,15 @@ class Component:
     """A page: a component and the sections of its parts."""
 
     title: str
+    number: int = 1
+    """Its number among those whose titles differ in case only: ROS 1 and Nav2 have critics of one name."""
     sections: list[str] = field(default_factory=list)
 
     @property
     def file(self) -> str:
         """Name of the page's file."""
-        return re.sub(r"\W+", "_", self.title.lower()).strip("_") + ".md"
+        name = re.sub(r"\W+", "_", self.title.lower()).strip("_")
+        return f"{name}.md" if self.number == 1 else f"{name}_{self.number}.md"
 
     @property
     def rows(self) -> list[str]:
@@ -85,7 +88,9 @@ def components(text: str) -> tuple[str, list[Component]]:
         base = title.partition(":")[0].strip()
         if base.startswith("navstack/sim/"):
             base = "navstack/sim"
-        found.setdefault(base, Component(base)).sections.append(section)
+        if base not in found:
+            found[base] = Component(base, 1 + sum(other.lower() == base.lower() for other in found))
+        found[base].sections.append(section)
     return introduction, list(found.values())
 
 
