@@ -46,8 +46,7 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "nav2_theta_star": PluginNames(
             values=(
-                "how_many_corners allow_unknown w_euc_cost w_traversal_cost use_final_approach_orientation "
-                "start_policy"
+                "how_many_corners allow_unknown w_euc_cost w_traversal_cost use_final_approach_orientation start_policy"
             ),
             others="terminal_checking_interval w_heuristic_cost",
             namespaces="GridBased",
@@ -118,8 +117,7 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
                 "gdist_scale"
             ),
             others=(
-                "stop_time_buffer acc_lim_trans acc_limit_trans restore_defaults holonomic_robot "
-                "penalize_negative_x"
+                "stop_time_buffer acc_lim_trans acc_limit_trans restore_defaults holonomic_robot penalize_negative_x"
             ),
         ),
         "dwb": PluginNames(
@@ -233,8 +231,7 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "savitzky_golay": PluginNames(
             values=(
-                "do_refinement refinement_num enforce_path_inversion minimum_turning_radius window_size "
-                "poly_order"
+                "do_refinement refinement_num enforce_path_inversion minimum_turning_radius window_size poly_order"
             ),
         ),
         "simple": PluginNames(
@@ -322,21 +319,14 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
     "recovery behavior": {
         "back_up": PluginNames(
             values=(
-                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist "
-                "backup_speed"
+                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist backup_speed"
             ),
         ),
         "clear_costmap_recovery": PluginNames(
-            values=(
-                "reset_distance invert_area_to_clear force_updating affected_maps layer_names "
-                "layer_search_string"
-            ),
+            values=("reset_distance invert_area_to_clear force_updating affected_maps layer_names layer_search_string"),
         ),
         "drive_on_heading": PluginNames(
-            values=(
-                "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks dist_to_travel "
-                "speed"
-            ),
+            values=("time_allowance simulate_ahead_time cycle_frequency disable_collision_checks dist_to_travel speed"),
         ),
         "move_slow_and_clear": PluginNames(
             values="clearing_distance limited_trans_speed limited_rot_speed limited_distance",

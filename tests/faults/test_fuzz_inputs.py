@@ -90,6 +90,11 @@ def test_failing_reads_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     counts: Counts = fuzz_in_processes(Plan(0), 10, 2)
     assert counts.inputs == 10
     assert counts.accepted == 4  # the inputs that take memory, and the good ones
-    assert sorted(text.split(":")[0] for text in counts.tracebacks) == ["input 1", "input 6", "launch 5 (x)", "map 0 (x)"]
+    assert sorted(text.split(":")[0] for text in counts.tracebacks) == [
+        "input 1",
+        "input 6",
+        "launch 5 (x)",
+        "map 0 (x)",
+    ]
     assert sorted(text.split(":")[0] for text in counts.large) == ["scenario 2 (x)", "tree 7 (x)"]
     assert counts.slow == []

@@ -588,11 +588,13 @@ def test_the_tree_that_the_parameters_name_drives_the_goals(tmp_path: Path) -> N
     def tree(place: str) -> str:
         return loaded(text.replace("PLACE", f'"{place}"'), tmp_path).navstack.behavior_tree
 
-    assert loaded(TEXT, tmp_path).navstack.behavior_tree == tree(default) == "navigate_to_pose_w_replanning_and_recovery"
+    assert (
+        loaded(TEXT, tmp_path).navstack.behavior_tree == tree(default) == "navigate_to_pose_w_replanning_and_recovery"
+    )
     (found,) = problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path)
     assert found.message == (
-        "the tree my_tree.xml is not found, neither as /opt/my_tree.xml nor next to the parameters, so Nav2's default tree drives "
-        "instead; put the file next to the parameters, or into a folder behavior_trees there"
+        "the tree my_tree.xml is not found, neither as /opt/my_tree.xml nor next to the parameters, so Nav2's default tree "
+        "drives instead; put the file next to the parameters, or into a folder behavior_trees there"
     )
     trees = tmp_path / "behavior_trees"
     trees.mkdir()
