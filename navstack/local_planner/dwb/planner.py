@@ -287,14 +287,22 @@ class DWBParams(PathFollowerParams):
             if issubclass(model, RotateToGoalParams):
                 inherited = ("xy_goal_tolerance", "trans_stopped_velocity", "path_length_tolerance")
                 values.update({n: getattr(self, n) for n in inherited})
+                if self.until_kilted and "path_length_tolerance" not in self.model_fields_set:
+                    # this tolerance came with the path handlers; the window of before begins behind the robot
+                    values["path_length_tolerance"] = LARGEST
             if own is not None:
                 values.update({n: getattr(own, n) for n in own.model_fields_set if n in model.model_fields})
             made.append(cls(name, model(**values)))
         return made
 
+    @property
+    def until_kilted(self) -> bool:
+        """True if a parameter selects the window of Nav2 up to Kilted."""
+        return any(name in self.model_fields_set for name in UNTIL_KILTED)
+
     def make_path_handler(self) -> PathHandler:
         """The path handler, or the window of Nav2 up to Kilted if one of its parameters is set."""
-        if not any(name in self.model_fields_set for name in UNTIL_KILTED):
+        if not self.until_kilted:
             return super().make_path_handler()
         return PlanWindow(
             prune=self.prune_plan,
