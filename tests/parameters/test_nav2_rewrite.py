@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -114,6 +115,13 @@ def test_the_packaged_robot_of_nav2_is_read_with_its_simulated_base() -> None:
     assert robot.local_planner.name == "dwb"
     assert robot.navstack.sim.lasers == ["laser"]
     assert robot.nav2_ids["FollowPath"] == "DWBLocalPlanner" and robot.nav2_ids["GridBased"] == "NavfnROS"
+
+
+def test_a_robot_with_dwb_can_be_sent_to_other_processes() -> None:
+    robot = load_configuration([NAV2])
+    again = pickle.loads(pickle.dumps(robot))
+    assert again.local_planner == robot.local_planner
+    assert again.local_planner.params.make_critics()[5].params.scale == 32.0
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ trajectories, the lowest weighted total is commanded. Formulas and parameters as
 
 from __future__ import annotations
 
+import copyreg
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -111,7 +112,17 @@ def _names() -> dict[str, tuple[str, ...]]:
 def with_class(model: type[ParamModel]) -> type[ParamModel]:
     """Return the parameters of a critic, and `class`, which is no name for a field in Python."""
     fields: dict[str, Any] = {"class": (str, param("", "type of the critic; empty: its name"))}
-    return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
+    made = create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
+    copyreg.pickle(made, lambda params: (_restored, (model, params.__getstate__())))  # a pickle finds no class of its name
+    return made
+
+
+def _restored(model: type[ParamModel], state: dict[Any, Any]) -> ParamModel:
+    """The parameters of a critic that were sent to another process."""
+    cls = with_class(model)
+    params = cls.__new__(cls)
+    params.__setstate__(state)
+    return params
 
 
 def listed_critics(values: Mapping[str, Any]) -> list[str]:
