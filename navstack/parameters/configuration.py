@@ -354,7 +354,12 @@ class Loader:
         consequences |= {path: [] for path in self.default_planners}
         if all(part is not None for part in parts.values()):
             configuration = Configuration(
-                **parts, smoother=smoother, findings=(), tree=self.root, origins=self.binder.origins
+                **parts,
+                smoother=smoother,
+                findings=(),
+                tree=self.root,
+                origins=self.binder.origins,
+                nav2_ids=self.translation.ids if self.translation is not None else {},
             )
             sim = simulated(configuration, self._described)
             if self._lidar_file:

@@ -116,6 +116,8 @@ class Configuration:
     """Multiplexer, velocity smoother and collision monitor."""
     localization: LocalizationConfiguration = LocalizationConfiguration()
     """amcl and the odometry filter."""
+    nav2_ids: Mapping[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
+    """Files of Nav2: id of a plugin -> its namespace here: FollowPath -> DWBLocalPlanner."""
 
     @property
     def planner_names(self) -> tuple[str, ...]:

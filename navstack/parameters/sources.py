@@ -298,7 +298,11 @@ class Override(NamedTuple):
 def packaged_sets() -> list[str]:
     """Return the names of the parameter sets that ship with navstack."""
     here = data_folder("params")
-    return sorted(p.name for p in here.iterdir() if p.is_dir() and p.joinpath("costmap_common_params.yaml").is_file())
+    return sorted(
+        p.name
+        for p in here.iterdir()
+        if p.is_dir() and any(p.joinpath(n).is_file() for n in ("costmap_common_params.yaml", "nav2_params.yaml"))
+    )
 
 
 def packaged_folder(name: str) -> Path:
@@ -444,7 +448,9 @@ def _read_named(out: Sources, text: str) -> None:
         if exists(path):
             message = f"{path_text} is read as the packaged set, not as the folder; write ./{path_text} for the folder"
             out.add_finding("info", "packaged-set", Location(path_text), message)
-        load_folder(out, packaged_folder(path_text), path_text, namespace)
+        folder = packaged_folder(path_text)
+        if namespace or not _read_nav2_folder(out, folder, path_text):
+            load_folder(out, folder, path_text, namespace)
     elif exists(path) and path.is_dir():
         shown = path_text.rstrip("/") or "/"
         if not namespace and _read_nav2_folder(out, path, shown):
@@ -470,7 +476,7 @@ def _read_named(out: Sources, text: str) -> None:
 
 
 def _read_nav2_folder(out: Sources, folder: Path, shown: str) -> bool:
-    """Load the only file of Nav2 in a folder without files of move_base; False if there is none."""
+    """Load the only file of Nav2 in a folder without files of move_base, with its `navstack.yaml`; False if there is none."""
     try:
         files = _yaml_files(folder)
     except OSError:
@@ -479,7 +485,9 @@ def _read_nav2_folder(out: Sources, folder: Path, shown: str) -> bool:
         return False
     found = [path for path in files if navigates(read_yaml(path).root)]
     if len(found) == 1:
-        load_file(out, found[0], f"{shown}/{found[0].name}", "")
+        own = [path for path in files if role_of(path.name) == "navstack"]
+        for path in (*found, *own):
+            load_file(out, path, f"{shown}/{path.name}", "")
     elif found:
         names = ", ".join(f"{shown}/{path.name}" for path in found)
         message = f"the folder has {len(found)} parameter files of Nav2; name the one that is meant: {names}"

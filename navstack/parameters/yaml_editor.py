@@ -187,7 +187,9 @@ def value_text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):
-        return repr(value)
+        text = repr(value)
+        # without a point, PyYAML takes 1e-05 as text: the launch files of ROS load and write parameters with it
+        return text.replace("e", ".0e") if "e" in text and "." not in text else text
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{text_of(str(k))}: {value_text(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):

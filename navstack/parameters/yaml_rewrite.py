@@ -3,6 +3,8 @@
 A parameter that no file sets gets a new line in its namespace. The result is loaded again and compared with the wanted
 configuration before it is returned. Where the files cannot express it (for example, a launch file), the values go to an
 overlay file that is loaded after them.
+
+In a file of Nav2, the values go to Nav2's own parameters, with the types that Nav2 declares.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from navstack.core import InputError, NavError, OutputError, ParameterError, ens
 from navstack.parameters.configuration import load_configuration
 from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.findings import Location
+from navstack.parameters.nav2.declared import NAV2_DISTROS
+from navstack.parameters.nav2.own_keys import OwnKey, own_keys
 from navstack.parameters.report import Parameter, parameters_of, same_parameters
 from navstack.parameters.sources import Source, packaged_folder, packaged_sets, read_sources, split_namespace
 from navstack.parameters.yaml_editor import YamlEditor, block_lines, value_text
@@ -185,8 +189,9 @@ def rewrite_parameters(
         allow_missing=allow_missing,
     )
     named = [str(s) for s in sources if not isinstance(s, Mapping)]
+    of_nav2 = distro if distro in NAV2_DISTROS else None  # no file can say it
     try:
-        base = load_configuration(sources, allow_missing=allow_missing)
+        base = load_configuration(sources, distro=of_nav2, allow_missing=allow_missing)
     except ParameterError:  # valid only with the overrides
         return _with_overlay(
             named,
@@ -199,7 +204,9 @@ def rewrite_parameters(
             "your files cannot be loaded without the values of the command line",
         )
     changes = tuple(_changes(base, target))
-    rewriter = _Rewriter(base, SourceCopies(named))
+    rewriter = _Rewriter(
+        base, SourceCopies(named), own_keys(read_sources(sources, distro=of_nav2, substitute=allow_missing))
+    )
     reason = rewriter.apply(changes)
     changes = tuple(replace(c, place="", added=True) if c.name in rewriter.added else c for c in changes)
     made = RewrittenFiles(
@@ -207,7 +214,7 @@ def rewrite_parameters(
     )
     if not reason:
         environment = [s for s in sources if isinstance(s, Mapping)]
-        reason = _difference(made, environment, target, allow_missing)
+        reason = _difference(made, environment, target, of_nav2, allow_missing)
     return _with_overlay(named, overlay, changes, reason) if reason else made
 
 
@@ -252,12 +259,14 @@ def _changes(base: Configuration, target: Configuration) -> Iterator[ValueChange
         yield ValueChange(name, old.value if old is not None else None, parameter.value, place, origin is None)
 
 
-def _difference(made: RewrittenFiles, environment: Sequence[Source], target: Configuration, allow_missing: bool) -> str:
+def _difference(
+    made: RewrittenFiles, environment: Sequence[Source], target: Configuration, distro: str | None, allow_missing: bool
+) -> str:
     """Why the new files do not give the target configuration; empty if they do."""
     with tempfile.TemporaryDirectory(prefix="navstack-") as name:
         sources: list[Source] = [*made.save(Path(name)), *environment]
         try:
-            again = load_configuration(sources, allow_missing=allow_missing)
+            again = load_configuration(sources, distro=distro, allow_missing=allow_missing)
         except NavError:
             return "the edited files could not be loaded"
     if same_parameters(again, target):
@@ -268,9 +277,11 @@ def _difference(made: RewrittenFiles, environment: Sequence[Source], target: Con
 class _Rewriter:
     """Applies changes to the copies of the files."""
 
-    def __init__(self, base: Configuration, copies: SourceCopies) -> None:
+    def __init__(self, base: Configuration, copies: SourceCopies, own: Mapping[str, OwnKey] | None = None) -> None:
         self.base = base
         self.copies = copies
+        self.own = own
+        """Parameters of Nav2 by their names here; None for files of move_base."""
         self.added: set[str] = set()
         """Names of the parameters that get a new line."""
         self._sharing: dict[Location, list[str]] = {}
@@ -293,14 +304,30 @@ class _Rewriter:
             origin = self.base.origins.get(change.name)
             sharing = self._sharing[origin] if origin is not None else []
             agree = all(new.get(n, present[n]) == change.new for n in sharing)
+            value = self._typed(change)
             if origin is not None and agree:
-                done = self._replace(origin, change.new)
-                replaced |= set(sharing)
+                done = self._replace(origin, value)
+                replaced |= set(sharing) if done else set()
             else:
                 done = False
-            if not done and not self._add(change):
-                return f"they have no place for {change.name}"
+            if not done and not self._add(replace(change, new=value)):
+                return (
+                    f"they have no place for {change.name}"
+                    if self.own is None
+                    else f"Nav2 has no place for {change.name}"
+                )
         return ""
+
+    def _own_key(self, name: str) -> OwnKey | None:
+        """The parameter of Nav2; goal checkers are also listed below the controller that uses them."""
+        own = self.own or {}
+        return own.get(name) or own.get(name.partition("/")[2])
+
+    def _typed(self, change: ValueChange) -> Any:
+        """The new value with the type that the file needs."""
+        own = self._own_key(change.name)
+        typed = own.typed(change.new) if own is not None else change.new
+        return change.new if typed is None else typed
 
     def _replace(self, origin: Location, value: Any) -> bool:
         """Replaces the value at its origin; False if that is not a scalar in a file."""
@@ -313,6 +340,9 @@ class _Rewriter:
         """Adds a line, in a mapping that sets parameters of this namespace only; False if there is none."""
         if isinstance(change.new, (list, dict)):
             return False
+        if self.own is not None and not change.name.startswith("navstack/"):
+            own = self._own_key(change.name)
+            return own is not None and self._add_own(change, own)
         namespace, _, name = change.name.rpartition("/")
         path = [name]
         # the namespace itself, or the nearest one above that has a mapping
@@ -325,6 +355,27 @@ class _Rewriter:
                 return False
             namespace, _, part = namespace.rpartition("/")
             path.insert(0, part)
+
+    def _add_own(self, change: ValueChange, own: OwnKey) -> bool:
+        """Adds a parameter of Nav2 next to one of the nearest block of its node, nested or dotted as that one."""
+        for at, name in own.neighbors():
+            copy = self.copies.by_shown.get(at.file)
+            pair = (
+                next((p for p in copy.editor.pairs() if p.at == (at.line, at.column)), None)
+                if copy is not None
+                else None
+            )
+            if copy is None or pair is None or not name.endswith(pair.key.value):
+                continue
+            above = name[: len(name) - len(pair.key.value)]
+            if not own.name.startswith(above):
+                continue
+            rest = own.name[len(above) :]
+            dotted = any("." in key.value for key, _ in pair.mapping.value)
+            if copy.editor.add(pair.mapping, [rest] if dotted else rest.split("."), change.new):
+                self.added.add(change.name)
+                return True
+        return False
 
     def _mappings_of(self, namespace: str) -> Iterator[tuple[SourceCopy, Any]]:
         """Mappings whose keys all belong to this namespace alone, those of the last file first."""

@@ -84,6 +84,26 @@ _DWA: Final[Mapping[str, Range | Choice]] = {
     "acc_lim_x": Range(0.3, 2.5, 2.5, robot=True),
     "acc_lim_theta": Range(0.5, 3.2, 3.2, robot=True),
 }
+_DWB: Final[Mapping[str, Range | Choice]] = {
+    "sim_time": Range(0.8, 3.0, 1.7),
+    "vx_samples": Range(5, 30, 20),
+    "vtheta_samples": Range(8, 40, 20),
+    "PathDist/scale": Range(2.0, 200.0, 32.0, log=True),
+    "GoalDist/scale": Range(2.0, 200.0, 24.0, log=True),
+    "PathAlign/scale": Range(2.0, 200.0, 32.0, log=True),
+    "GoalAlign/scale": Range(2.0, 200.0, 24.0, log=True),
+    "PathAlign/forward_point_distance": Range(0.05, 0.6, 0.1),
+    "GoalAlign/forward_point_distance": Range(0.05, 0.6, 0.1),
+    "BaseObstacle/scale": Range(0.002, 2.0, 0.02, log=True),
+    "ObstacleFootprint/scale": Range(0.002, 2.0, 0.02, log=True),
+    "RotateToGoal/scale": Range(2.0, 200.0, 32.0, log=True),
+    "RotateToGoal/slowing_factor": Range(1.0, 10.0, 5.0),
+    "max_vel_x": Range(0.1, 0.5, 0.5, robot=True, ties=(("max_speed_xy", 1.0),)),
+    "max_vel_theta": Range(0.4, 1.0, 1.0, robot=True),
+    "acc_lim_x": Range(0.3, 2.5, 2.5, robot=True),
+    "acc_lim_theta": Range(0.5, 3.2, 3.2, robot=True),
+}
+"""Critics that are not listed have no parameters and are left out."""
 _ROLLOUT: Final[Mapping[str, Range | Choice]] = {
     "sim_time": Range(0.6, 4.0, 1.7),
     "path_distance_bias": Range(0.05, 5.0, 0.6, log=True),
@@ -172,6 +192,7 @@ _GLOBAL_PLANNER: Final[Mapping[str, Range | Choice]] = {
 
 LOCAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {
     "dwa": _DWA,
+    "dwb": _DWB,
     "trajectory_rollout": _ROLLOUT,
     "mppi": _MPPI,
     "regulated_pure_pursuit": _PURSUIT,
@@ -225,7 +246,7 @@ def _dimension(parameters: Mapping[str, Parameter], name: str, default: Range | 
 
 
 def _untied(default: Range | Choice) -> Range | Choice:
-    """For a holonomic robot, max_vel_trans is independent of max_vel_x."""
+    """For a holonomic robot, the highest speed in all directions is independent of max_vel_x."""
     return default._replace(ties=()) if isinstance(default, Range) else default
 
 
@@ -243,7 +264,7 @@ def _number(parameters: Mapping[str, Parameter], name: str) -> float:
 
 def _local_planner(configuration: Configuration, parameters: Mapping[str, Parameter]) -> Iterator[Dimension]:
     planner = configuration.local_planner
-    holonomic = planner.name == "dwa" and planner.params.max_vel_y > 0.0
+    holonomic = planner.name in ("dwa", "dwb") and planner.params.max_vel_y > 0.0
     for name, default in LOCAL_PLANNERS.get(planner.name, {}).items():
         full = f"{planner.namespace}/{name}"
         if full not in parameters:
@@ -288,6 +309,7 @@ class ParameterLookup:
             for old, new in model.RENAMED.items()
         }
         """Former full name -> current full name."""
+        self._ids = configuration.nav2_ids
 
     def find(self, pattern: str, where: str) -> list[Parameter]:
         """Return the parameters with this full name, previous name or unique last part, or matching a pattern with * and ?.
@@ -296,6 +318,9 @@ class ParameterLookup:
         """
         name = "/".join(part for part in pattern.split("/") if part)
         name = self._former.get(name, name)
+        if self._ids and name not in self._parameters:  # as Nav2 writes it: FollowPath.PathDist.scale
+            first, slash, rest = name.removeprefix("controller_server.").replace(".", "/").partition("/")
+            name = f"{self._ids.get(first, first)}{slash}{rest}"
         if name in self._parameters:
             found = [name]
         elif any(sign in name for sign in "*?["):

@@ -282,9 +282,9 @@ def test_the_plan_window_is_that_of_kilted(prune: bool, shorten: bool) -> None:
                 break
         first = next((i for i in range(searched) if math.dist(rest[i][:2], robot[:2]) < behind), searched)
         end = next((i for i in range(first, len(rest)) if math.dist(rest[i][:2], robot[:2]) > ahead), len(rest))
-        if first == end:
-            with pytest.raises(InvalidPathError, match="out of reach"):
-                window.local_path(robot, Transform2D(), geometry)
+        if first == end:  # Nav2 has no command here
+            path = window.local_path(robot, Transform2D(), geometry)
+            assert math.dist(rest[path.first - dropped][:2], robot[:2]) < min(behind, ahead)
             break
         path = window.local_path(robot, Transform2D(), geometry)
         assert (path.first, path.end) == (dropped + first, dropped + end)
@@ -302,6 +302,32 @@ def test_the_plan_window_needs_a_plan_nearby() -> None:
     window.set_plan(Path(np.array([[30.0, 0.0, 0.0], [31.0, 0.0, 0.0]])))
     with pytest.raises(InvalidPathError, match=r"30\.00 m from the robot"):
         window.local_path(Pose2D(0.0, 0.0), Transform2D(), geometry)
+
+
+@pytest.mark.parametrize(("ahead", "x"), [(2.0, 3.7), (0.5, 1.2)])
+def test_the_plan_window_finds_a_robot_that_has_driven_a_part_of_the_plan(ahead: float, x: float) -> None:
+    """A path that is sent again after a recovery; a window that ends nearer than it begins. Nav2 has no command for both."""
+    plan = np.zeros((161, 3))
+    plan[:, 0] = np.linspace(0.0, 4.0, 161)
+    window = PlanWindow(prune=True, prune_distance=2.0, shorten=True, forward_prune_distance=ahead)
+    window.set_plan(Path(plan, "map"))
+    path = window.local_path(Pose2D(x, 0.02), Transform2D(), GridGeometry(60, 60, 0.05, x - 1.5, -1.5))
+    reach = min(1.5, ahead)
+    np.testing.assert_allclose(path.poses[[0, -1], 0], (max(0.0, x - reach), min(4.0, x + reach)), atol=0.03)
+    assert path.remaining_m == pytest.approx(4.0 - x, abs=0.03)  # from the robot, not from the first pose of the window
+
+
+def test_a_robot_turns_at_its_goal_with_more_than_a_meter_of_the_window_behind_it() -> None:
+    """path_length_tolerance came with the path handlers: with the window of before, it counts only if it is written."""
+    plan = np.zeros((161, 3))
+    plan[:, 0], plan[:, 2] = np.linspace(-4.0, 0.0, 161), 0.0
+    goal = Pose2D(0.0, 0.0, 1.5)
+    for written, turns in (({}, True), ({"path_length_tolerance": 1.0}, False)):
+        made = planner(critics=["RotateToGoal", "PathDist"], prune_plan=True, **written)
+        (rotate,) = [critic for critic in made.critics if isinstance(critic, RotateToGoalCritic)]
+        made.set_plan(Path(plan, "odom"), goal)
+        made.compute_command(inputs(Pose2D(-0.1, 0.0, 0.0)))
+        assert rotate.state()["in_window"] is turns
 
 
 def test_the_plan_window_is_in_the_frame_of_the_costmap() -> None:

@@ -6,12 +6,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from navstack.behavior_trees import find_tree
 from navstack.core import ParameterError
 from navstack.parameters import (
     Configuration,
@@ -588,19 +590,38 @@ def test_the_tree_that_the_parameters_name_drives_the_goals(tmp_path: Path) -> N
     def tree(place: str) -> str:
         return loaded(text.replace("PLACE", f'"{place}"'), tmp_path).navstack.behavior_tree
 
-    assert (
-        loaded(TEXT, tmp_path).navstack.behavior_tree == tree(default) == "navigate_to_pose_w_replanning_and_recovery"
-    )
+    packaged = "navigate_to_pose_w_replanning_and_recovery_jazzy"
+    assert loaded(TEXT, tmp_path).navstack.behavior_tree == tree(default) == packaged
     (found,) = problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path)
     assert found.message == (
-        "the tree my_tree.xml is not found, neither as /opt/my_tree.xml nor next to the parameters, so Nav2's default tree "
-        "drives instead; put the file next to the parameters, or into a folder behavior_trees there"
+        "the tree my_tree.xml is not found, neither as /opt/my_tree.xml nor next to the parameters, so Nav2's default tree drives "
+        "instead; put the file next to the parameters, or into a folder behavior_trees there"
     )
     trees = tmp_path / "behavior_trees"
     trees.mkdir()
     (trees / "my_tree.xml").write_text("<root/>", encoding="utf-8")
     assert tree("/opt/my_tree.xml") == str(trees / "my_tree.xml")
     assert problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path) == []
+
+
+@pytest.mark.parametrize(("distro", "hz", "back_up"), [
+    ("foxy", "1.0", ""),
+    ("galactic", "1.0", "0.15"),
+    ("humble", "1.0", "0.30"),
+    ("iron", "1.0", "0.30"),
+    ("jazzy", "1.0", "0.30"),
+    ("kilted", "1.0", "0.30"),
+    ("lyrical", "1.0", "0.30"),
+])  # fmt: skip
+def test_the_default_tree_is_that_of_the_distribution(distro: str, hz: str, back_up: str, tmp_path: Path) -> None:
+    """Only from Lyrical on does the robot keep its path near the goal; Foxy does not back up."""
+    root = read_sources([written(tmp_path, TEXT)], distro=distro).root
+    named = root.space("navstack").leaf("behavior_tree").value  # type: ignore[union-attr]
+    tree = ElementTree.parse(find_tree(named))
+    (rate,), backups = tree.findall(".//RateController"), [e.get("backup_dist", "") for e in tree.iter("BackUp")]
+    assert (rate.get("hz"), "".join(backups)) == (hz, back_up)
+    assert bool(tree.findall(".//IsGoalNearby")) == (distro == "lyrical")
+    assert bool(tree.findall(".//WouldAPlannerRecoveryHelp")) == (distro in ("iron", "jazzy", "kilted", "lyrical"))
 
 
 # --- properties -------------------------------------------------------------------------------------------------------

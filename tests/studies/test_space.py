@@ -56,6 +56,21 @@ def test_default_space_of_mppi() -> None:
     assert by_name["MPPIController/vx_max"].high == 0.4 and by_name["MPPIController/temperature"].log
 
 
+def test_default_space_of_dwb_in_a_file_of_nav2() -> None:
+    """Scales of the listed critics; a user may write the names as Nav2 does."""
+    base = load_configuration(["nav2_turtlebot"])
+    space = default_space(base, "local_planner")
+    by_name = {d.name: d for d in space}
+    assert by_name["DWBLocalPlanner/PathDist/scale"].log
+    assert "DWBLocalPlanner/ObstacleFootprint/scale" not in by_name
+    assert by_name["DWBLocalPlanner/max_vel_x"].ties == (("DWBLocalPlanner/max_speed_xy", 1.0),)
+    for candidate in (space.present(), space.start(), *candidates(space, "lhs", samples=3, points=1, seed=0)):
+        load_configuration(["nav2_turtlebot"], overrides=space.overrides(candidate))
+    for name in ("FollowPath.PathDist.scale", "controller_server.FollowPath.PathDist.scale"):
+        found = parse_search_space(base, params=[f"{name}=5:60"])
+        assert [d.name for d in found] == ["DWBLocalPlanner/PathDist/scale"]
+
+
 @pytest.mark.parametrize(
     ("robot", "name"),
     [

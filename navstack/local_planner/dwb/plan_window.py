@@ -16,6 +16,10 @@ class PlanWindow(PathHandler):
     From the first one nearer than `prune_distance` until the first one farther than `forward_prune_distance`, both at most half
     of the local costmap; without `prune` or `shorten` that half alone. The first one is looked for in the next
     `forward_prune_distance` of the plan. With `prune`, poses before it are dropped permanently.
+
+    Nav2 differs: where this finds no pose, Nav2 has no command. Here the first pose of the whole plan that is within both distances
+    begins the window. A robot needs this whose behavior tree sends a path again of which it has driven a part, and one whose
+    forward_prune_distance is below its prune_distance.
     """
 
     def __init__(self, *, prune: bool, prune_distance: float, shorten: bool, forward_prune_distance: float) -> None:
@@ -49,7 +53,7 @@ class PlanWindow(PathHandler):
         return LocalPath(
             poses,
             length=float(plan[end - 1, 3] - plan[first, 3]),
-            remaining_m=float(plan[-1, 3] - plan[first, 3]),
+            remaining_m=float(plan[-1, 3] - plan[self._nearest(plan, at, first, end), 3]),
             first=first,
             end=end,
             ends_at_goal=end == len(plan),
@@ -66,7 +70,18 @@ class PlanWindow(PathHandler):
         first = int(near[0]) if len(near) else searched
         far = np.flatnonzero(distances[first:] > ahead)
         end = first + int(far[0]) if len(far) else len(rest)
+        if first >= end:
+            near = np.flatnonzero(distances < min(behind, ahead))
+            if len(near):
+                first = int(near[0])
+                far = np.flatnonzero(distances[first:] > ahead)
+                end = first + int(far[0]) if len(far) else len(rest)
         return self._begin + first, self._begin + end
+
+    def _nearest(self, plan: NDArray[np.float64], at: Pose2D, first: int, end: int) -> int:
+        """The pose of the window closest to the robot; the later one of equals."""
+        distances = np.hypot(plan[first:end, 0] - at.x, plan[first:end, 1] - at.y)
+        return end - 1 - int(np.argmin(distances[::-1]))
 
     def _nothing(self, plan: NDArray[np.float64], at: Pose2D, half: float) -> InvalidPathError:
         """The error of a robot without a pose of the plan around it."""

@@ -7,6 +7,7 @@ trajectories, the lowest weighted total is commanded. Formulas and parameters as
 
 from __future__ import annotations
 
+import copyreg
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -111,7 +112,17 @@ def _names() -> dict[str, tuple[str, ...]]:
 def with_class(model: type[ParamModel]) -> type[ParamModel]:
     """Return the parameters of a critic, and `class`, which is no name for a field in Python."""
     fields: dict[str, Any] = {"class": (str, param("", "type of the critic; empty: its name"))}
-    return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
+    made = create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
+    copyreg.pickle(made, lambda params: (_restored, (model, params.__getstate__())))  # a pickle finds no class of its name
+    return made
+
+
+def _restored(model: type[ParamModel], state: dict[Any, Any]) -> ParamModel:
+    """The parameters of a critic that were sent to another process."""
+    cls = with_class(model)
+    params = cls.__new__(cls)
+    params.__setstate__(state)
+    return params
 
 
 def listed_critics(values: Mapping[str, Any]) -> list[str]:
@@ -287,14 +298,22 @@ class DWBParams(PathFollowerParams):
             if issubclass(model, RotateToGoalParams):
                 inherited = ("xy_goal_tolerance", "trans_stopped_velocity", "path_length_tolerance")
                 values.update({n: getattr(self, n) for n in inherited})
+                if self.until_kilted and "path_length_tolerance" not in self.model_fields_set:
+                    # this tolerance came with the path handlers; the window of before begins behind the robot
+                    values["path_length_tolerance"] = LARGEST
             if own is not None:
                 values.update({n: getattr(own, n) for n in own.model_fields_set if n in model.model_fields})
             made.append(cls(name, model(**values)))
         return made
 
+    @property
+    def until_kilted(self) -> bool:
+        """True if a parameter selects the window of Nav2 up to Kilted."""
+        return any(name in self.model_fields_set for name in UNTIL_KILTED)
+
     def make_path_handler(self) -> PathHandler:
         """The path handler, or the window of Nav2 up to Kilted if one of its parameters is set."""
-        if not any(name in self.model_fields_set for name in UNTIL_KILTED):
+        if not self.until_kilted:
             return super().make_path_handler()
         return PlanWindow(
             prune=self.prune_plan,

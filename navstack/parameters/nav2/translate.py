@@ -284,8 +284,9 @@ class _Translator:
         key = "default_nav_to_pose_bt_xml" if self.distro >= GALACTIC else "default_bt_xml_filename"
         named = navigator.text(key) if navigator is not None else None
         space = self.root.ensure("navstack", self._default)
+        default = DEFAULT_TREE + _TREES.get(NAV2_DISTROS[self.distro], "")
         if navigator is None or not named:
-            self._put(space, "behavior_tree", DEFAULT_TREE)
+            self._put(space, "behavior_tree", default)
             return
         at = navigator.params[key].at
         self.made.keys[at] = navigator.key(key)
@@ -296,7 +297,7 @@ class _Translator:
                 "tree drives instead; put the file next to the parameters, or into a folder behavior_trees there"
             )
             self._add("warning", "nav2-tree", at, navigator.key(key), message)
-        self._put(space, "behavior_tree", str(file) if file is not None else DEFAULT_TREE, at)
+        self._put(space, "behavior_tree", str(file) if file is not None else default, at)
 
     # --- controllers --------------------------------------------------------------------------------------------------
 
@@ -768,7 +769,16 @@ class _Translator:
 _OMNI: Final = ("Omni", "omni")
 _SIDEWAYS: Final = ("vy_std", "ay_max", "ay_min")
 DEFAULT_TREE: Final = "navigate_to_pose_w_replanning_and_recovery"
-"""The packaged tree that drives a robot whose parameters name none."""
+"""The packaged tree that drives a robot whose parameters name none, from Lyrical on."""
+_TREES: Final = {
+    "foxy": "_foxy",
+    "galactic": "_galactic",
+    "humble": "_format_3",
+    "iron": "_iron",
+    "jazzy": "_jazzy",
+    "kilted": "_jazzy",
+}
+"""Distribution -> suffix of the name of its default tree."""
 DEFAULT_TREES: Final = (DEFAULT_TREE, "navigate_w_replanning_and_recovery")
 """Names of that tree in Nav2's installations."""
 _LISTED: Final = 12
