@@ -317,6 +317,23 @@ def test_the_plan_window_finds_a_robot_that_has_driven_a_part_of_the_plan(ahead:
     assert path.remaining_m == pytest.approx(4.0 - x, abs=0.03)  # from the robot, not from the first pose of the window
 
 
+def test_without_a_forward_limit_the_plan_window_ends_with_the_costmap() -> None:
+    plan = line(4.0)
+    geometry = GridGeometry(60, 60, 0.05, -1.5, -1.5)
+    for limit, end in ((-1.0, 1.5), (0.5, 0.5)):
+        window = planner(forward_prune_distance=limit).path_handler
+        window.set_plan(plan)
+        assert window.local_path(Pose2D(0.0, 0.0), Transform2D(), geometry).poses[-1, 0] == pytest.approx(
+            end, abs=0.051
+        )
+
+
+def test_zero_samples_of_an_axis_count_as_two() -> None:
+    """Files of robots without sideways motion write vy_samples: 0."""
+    commands = [following(planner(vy_samples=n)).compute_command(inputs()).command for n in (0, 2)]
+    assert commands[0] == commands[1] and commands[0].vx > 0.0
+
+
 def test_a_robot_turns_at_its_goal_with_more_than_a_meter_of_the_window_behind_it() -> None:
     """path_length_tolerance came with the path handlers: with the window of before, it counts only if it is written."""
     plan = np.zeros((161, 3))
