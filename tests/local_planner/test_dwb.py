@@ -116,7 +116,7 @@ def test_the_packaged_set_has_no_findings() -> None:
         ("decel_lim_x=2.5", "decel_lim_x = 2.5 is out of range; it must be at most 0"),
         ("acc_lim_x=-2.5", "acc_lim_x = -2.5 is out of range; it must be at least 0"),
         ("sim_time=0.0", "sim_time = 0 is out of range"),
-        ("vx_samples=0", "vx_samples = 0 is out of range"),
+        ("vx_samples=-1", "vx_samples = -1 is out of range"),
         ("vx_samples=1000000", "lower the numbers"),
         ("max_speed_xy=0.0", "every sample that drives is rejected"),
         ("min_vel_x=0.7", "min_vel_x = 0.7 is greater than max_vel_x = 0.5"),
