@@ -116,7 +116,7 @@ def test_the_packaged_set_has_no_findings() -> None:
         ("decel_lim_x=2.5", "decel_lim_x = 2.5 is out of range; it must be at most 0"),
         ("acc_lim_x=-2.5", "acc_lim_x = -2.5 is out of range; it must be at least 0"),
         ("sim_time=0.0", "sim_time = 0 is out of range"),
-        ("vx_samples=0", "vx_samples = 0 is out of range"),
+        ("vx_samples=-1", "vx_samples = -1 is out of range"),
         ("vx_samples=1000000", "lower the numbers"),
         ("max_speed_xy=0.0", "every sample that drives is rejected"),
         ("min_vel_x=0.7", "min_vel_x = 0.7 is greater than max_vel_x = 0.5"),
@@ -315,6 +315,23 @@ def test_the_plan_window_finds_a_robot_that_has_driven_a_part_of_the_plan(ahead:
     reach = min(1.5, ahead)
     np.testing.assert_allclose(path.poses[[0, -1], 0], (max(0.0, x - reach), min(4.0, x + reach)), atol=0.03)
     assert path.remaining_m == pytest.approx(4.0 - x, abs=0.03)  # from the robot, not from the first pose of the window
+
+
+def test_without_a_forward_limit_the_plan_window_ends_with_the_costmap() -> None:
+    plan = line(4.0)
+    geometry = GridGeometry(60, 60, 0.05, -1.5, -1.5)
+    for limit, end in ((-1.0, 1.5), (0.5, 0.5)):
+        window = planner(forward_prune_distance=limit).path_handler
+        window.set_plan(plan)
+        assert window.local_path(Pose2D(0.0, 0.0), Transform2D(), geometry).poses[-1, 0] == pytest.approx(
+            end, abs=0.051
+        )
+
+
+def test_zero_samples_of_an_axis_count_as_two() -> None:
+    """Files of robots without sideways motion write vy_samples: 0."""
+    commands = [following(planner(vy_samples=n)).compute_command(inputs()).command for n in (0, 2)]
+    assert commands[0] == commands[1] and commands[0].vx > 0.0
 
 
 def test_a_robot_turns_at_its_goal_with_more_than_a_meter_of_the_window_behind_it() -> None:

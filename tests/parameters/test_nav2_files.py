@@ -6,13 +6,13 @@ The folder is that of the foreign data, or `NAVSTACK_NAV2_PARAMS` with other fil
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 import pytest
 
-from navstack.core import ParameterError
-from navstack.parameters import Configuration, check_parameters, load_configuration, read_yaml, same_parameters
+import navstack as nav
+from navstack.core import NavError, ParameterError
+from navstack.parameters import check_parameters, load_configuration, read_yaml, same_parameters
 from navstack.parameters.nav2.audit import audits_of, check_nodes, find_distro
 from navstack.parameters.nav2.declared import NAV2_DISTROS
 from navstack.parameters.nav2.document import is_nav2, read_nodes
@@ -23,6 +23,11 @@ FILES = sorted(p for p in FOLDER.glob("*/*.yaml") if is_nav2(read_yaml(p).root))
 BRINGUP = [p for p in FILES if p.parent.name == "nav2_bringup"]
 MIXED = ("nav2_bringup_humble_multirobot_all",)
 """Files on the branch of one distribution with the keys of the next."""
+
+PLAIN_TREE = """<root main_tree_to_execute="T"><BehaviorTree ID="T"><PipelineSequence>
+  <RateController hz="1.0"><ComputePathToPose goal="{goal}" path="{path}" planner_id="GridBased"/></RateController>
+  <FollowPath path="{path}" controller_id="FollowPath"/>
+</PipelineSequence></BehaviorTree></root>"""
 
 KNOWN = {
     "FollowPath.stateful": "a key of the goal checker in DWB's block",
@@ -99,16 +104,47 @@ def test_nav2_bringup_has_no_undeclared_keys_but_the_known_ones(path: Path) -> N
     assert [str(f) for f in unknown] == []
 
 
-def drivable() -> list[Path]:
-    return [p for p in BRINGUP if re.search(r"_(jazzy|kilted|lyrical)$", p.stem)]
+RELEASES = [p for p in BRINGUP if p.stem.removeprefix("nav2_bringup_") in (*NAV2_DISTROS, "main")]
+"""The files that nav2_bringup installs for its own robot."""
+ROBOTS = [p for p in FILES if p not in BRINGUP]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", drivable(), ids=name)
-def test_nav2_bringup_drives_through_the_office(path: Path) -> None:
-    import navstack as nav
-
-    robot: Configuration = load_configuration([str(path)])
-    result = nav.simulate("office", robot=robot)
+@pytest.mark.parametrize("place", ["office", "warehouse"])
+@pytest.mark.parametrize("path", RELEASES, ids=name)
+def test_nav2_bringup_of_every_distribution_drives(path: Path, place: str) -> None:
+    result = nav.simulate(place, robot=load_configuration([str(path)]))
     assert [str(g.state) for g in result.goals] == ["SUCCEEDED"] * 3
     assert result.collisions == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ROBOTS, ids=name)
+def test_a_robot_reaches_its_goal_or_says_why_not(path: Path) -> None:
+    """What keeps a robot from loading, from its start or from its goal is one sentence; a contact is one of a robot that was
+    warned about."""
+    try:
+        configuration = load_configuration([str(path)])
+        result = nav.simulate("office", robot=configuration, goals=["office_2"], time_limit_s=300.0)
+    except NavError as exc:
+        assert exc.message and "Traceback" not in exc.message
+        return
+    (goal,) = result.goals
+    assert str(goal.state) == "SUCCEEDED" or len(goal.message) > 20
+    warned = [f for f in configuration.findings if f.severity == "warning"]
+    assert result.collisions == 0 or warned
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", RELEASES, ids=name)
+def test_the_tree_of_a_file_drives(path: Path, tmp_path: Path) -> None:
+    """A tree next to the parameters, which they name: here one that plans each second and does not recover."""
+    (tmp_path / "robot.yaml").write_bytes(path.read_bytes())
+    (tmp_path / "plain.xml").write_text(PLAIN_TREE, encoding="utf-8")
+    key = "default_bt_xml_filename" if "foxy" in path.stem else "default_nav_to_pose_bt_xml"
+    navigator = tmp_path / "navigator.yaml"
+    navigator.write_text(f"bt_navigator: {{ros__parameters: {{{key}: /opt/plain.xml}}}}\n", encoding="utf-8")
+    configuration = load_configuration([str(tmp_path / "robot.yaml"), str(navigator)])
+    assert configuration.navstack.behavior_tree == str(tmp_path / "plain.xml")
+    result = nav.simulate("office", robot=configuration, goals=["office_2"])
+    assert (str(result.goals[0].state), result.collisions) == ("SUCCEEDED", 0)

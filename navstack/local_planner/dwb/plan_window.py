@@ -17,9 +17,9 @@ class PlanWindow(PathHandler):
     of the local costmap; without `prune` or `shorten` that half alone. The first one is looked for in the next
     `forward_prune_distance` of the plan. With `prune`, poses before it are dropped permanently.
 
-    Nav2 differs: where this finds no pose, Nav2 has no command. Here the first pose of the whole plan that is within both distances
-    begins the window. A robot needs this whose behavior tree sends a path again of which it has driven a part, and one whose
-    forward_prune_distance is below its prune_distance.
+    Nav2 differs: where this finds no pose, Nav2 has no command. Here the first pose of the whole plan that is within both
+    distances begins the window. A robot needs this whose behavior tree sends a path again of which it has driven a part, and one
+    whose forward_prune_distance is below its prune_distance.
     """
 
     def __init__(self, *, prune: bool, prune_distance: float, shorten: bool, forward_prune_distance: float) -> None:

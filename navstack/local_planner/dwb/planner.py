@@ -195,9 +195,9 @@ class DWBParams(PathFollowerParams):
     limit_vel_cmd_in_traj: bool = param(
         False, "command the velocity of the first step, which the accelerations allow, instead of the sample"
     )
-    vx_samples: int = param(20, "number of velocities along x (at least 2 are used)", ge=1)
-    vy_samples: int = param(5, "number of velocities along y (at least 2 are used)", ge=1)
-    vtheta_samples: int = param(20, "number of turning speeds (at least 2 are used)", ge=1)
+    vx_samples: int = param(20, "number of velocities along x (at least 2 are used)", ge=0)
+    vy_samples: int = param(5, "number of velocities along y (at least 2 are used)", ge=0)
+    vtheta_samples: int = param(20, "number of turning speeds (at least 2 are used)", ge=0)
     short_circuit_trajectory_evaluation: bool = param(
         True, "stop scoring a trajectory when its total exceeds the lowest one so far"
     )
@@ -206,7 +206,7 @@ class DWBParams(PathFollowerParams):
         None, "the plan begins at the first pose nearer than this; not set: 2 m (Nav2 up to Kilted)", unit="m", gt=0.0
     )
     forward_prune_distance: float = param(
-        2.0, "the plan ends at the first pose farther than this (Nav2 up to Kilted)", unit="m", gt=0.0
+        2.0, "the plan ends at the first pose farther than this; negative: no limit (Nav2 up to Kilted)", unit="m"
     )
     shorten_transformed_plan: bool = param(
         True, "apply forward_prune_distance; otherwise half the local costmap (Nav2 up to Kilted)"
@@ -319,7 +319,7 @@ class DWBParams(PathFollowerParams):
             prune=self.prune_plan,
             prune_distance=2.0 if self.prune_distance is None else self.prune_distance,
             shorten=self.shorten_transformed_plan,
-            forward_prune_distance=self.forward_prune_distance,
+            forward_prune_distance=self.forward_prune_distance if self.forward_prune_distance >= 0.0 else math.inf,
         )
 
     def check(self, context: CheckContext) -> Iterator[Issue]:
