@@ -594,8 +594,8 @@ def test_the_tree_that_the_parameters_name_drives_the_goals(tmp_path: Path) -> N
     assert loaded(TEXT, tmp_path).navstack.behavior_tree == tree(default) == packaged
     (found,) = problems(text.replace("PLACE", "/opt/my_tree.xml"), tmp_path)
     assert found.message == (
-        "the tree my_tree.xml is not found, neither as /opt/my_tree.xml nor next to the parameters, so Nav2's default tree drives "
-        "instead; put the file next to the parameters, or into a folder behavior_trees there"
+        "the tree my_tree.xml is not found, neither as /opt/my_tree.xml nor next to the parameters, so Nav2's default tree "
+        "drives instead; put the file next to the parameters, or into a folder behavior_trees there"
     )
     trees = tmp_path / "behavior_trees"
     trees.mkdir()

@@ -113,7 +113,9 @@ def with_class(model: type[ParamModel]) -> type[ParamModel]:
     """Return the parameters of a critic, and `class`, which is no name for a field in Python."""
     fields: dict[str, Any] = {"class": (str, param("", "type of the critic; empty: its name"))}
     made = create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
-    copyreg.pickle(made, lambda params: (_restored, (model, params.__getstate__())))  # a pickle finds no class of its name
+    copyreg.pickle(
+        made, lambda params: (_restored, (model, params.__getstate__()))
+    )  # a pickle finds no class of its name
     return made
 
 
