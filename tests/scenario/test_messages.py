@@ -119,8 +119,8 @@ CASES = {
         (
             '4:21: params "mine.yaml" is neither a file or folder, relative to this file, nor a packaged set; packaged sets: '
             "car_mppi, car_rpp, jackal_dwa, jackal_graceful, jackal_mppi, jackal_rollout, jackal_rpp, jackal_shim, "
-            "nav2_turtlebot, omni_dwa, omni_mppi, turtlebot, turtlebot_dwb, turtlebot_graceful, turtlebot_mppi, turtlebot_rollout, turtlebot_rpp, "
-            "turtlebot_shim"
+            "nav2_turtlebot, omni_dwa, omni_mppi, turtlebot, turtlebot_dwb, turtlebot_graceful, turtlebot_mppi, "
+            "turtlebot_rollout, turtlebot_rpp, turtlebot_shim"
         ),
     ),
     "set is a list": (
