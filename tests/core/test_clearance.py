@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, clearance
+from navstack.core import Costmap, GridGeometry
 from navstack.core.clearance import clearance_along
 from navstack.core.costs import LETHAL
 
@@ -22,7 +23,6 @@ def costmap(*cells: tuple[int, int]) -> Costmap:
     return Costmap(GridGeometry(100, 200, 0.1, 0.0, 0.0), data)
 
 
-@pytest.mark.parametrize("few_pairs", [10**9, 0], ids=["all pairs", "tree"])
 @pytest.mark.parametrize(
     ("cells", "distance"),
     [
@@ -35,8 +35,26 @@ def costmap(*cells: tuple[int, int]) -> Costmap:
         ([], math.inf),
     ],
 )
-def test_distance_of_a_line_from_lethal_cells(
-    cells: list[tuple[int, int]], distance: float, few_pairs: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(clearance, "_FEW_PAIRS", few_pairs)
+def test_distance_of_a_line_from_lethal_cells(cells: list[tuple[int, int]], distance: float) -> None:
     assert clearance_along(costmap(*cells), LINE) == pytest.approx(distance, abs=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.05, 0.3])
+def test_distance_of_any_line_is_that_of_all_pairs(share: float) -> None:
+    """Random cells around a random walk of 2 to 300 corners, against every sampled point and every cell."""
+    rng = np.random.default_rng(round(1000 * share))
+    for _ in range(20):
+        data = np.where(rng.random((200, 100)) < share, LETHAL, 0).astype(np.uint8)
+        walk = np.clip(np.cumsum(rng.normal(0.0, 0.1, (int(rng.integers(2, 300)), 2)), axis=0) + (5.0, 10.0), 0.2, 9.8)
+        points = np.concatenate(
+            [
+                a + (b - a) * np.linspace(0.0, 1.0, 1 + math.ceil(np.hypot(*(b - a)) / 0.05))[:, None]
+                for a, b in pairwise(walk)
+            ]
+        )
+        ys, xs = np.nonzero(data == LETHAL)
+        gaps = np.abs(np.column_stack((xs + 0.5, ys + 0.5))[None] * 0.1 - points[:, None]) - 0.05
+        expected = np.hypot(*np.moveaxis(np.maximum(gaps, 0.0), 2, 0)).min() if len(xs) else math.inf
+        assert clearance_along(Costmap(GridGeometry(100, 200, 0.1, 0.0, 0.0), data), walk) == pytest.approx(
+            expected, abs=1e-9
+        )
