@@ -80,11 +80,13 @@ def _smallest_distance(
     ys, xs = np.nonzero(lethal)
     if len(xs) == 0:
         return math.inf
-    centers = np.column_stack([left + (xs + 0.5) * resolution, bottom + (ys + 0.5) * resolution])
+    centers = np.empty((len(xs), 2))
+    centers[:, 0], centers[:, 1] = left + (xs + 0.5) * resolution, bottom + (ys + 0.5) * resolution
     # In parts of the path: no point of a part is nearer to a square by more than its distance to the middle of the part.
-    # (A KDTree does the same, but takes longer to import than a plan.)
+    # A KDTree would do the same, but importing it takes longer than a plan.
     parts: list[_Part] = []
-    for piece in np.array_split(points, min(len(points), max(8, min(64, _PAIRS // len(xs))))):
+    pieces: list[NDArray[np.float64]] = np.array_split(points, min(len(points), max(8, min(64, _PAIRS // len(xs)))))
+    for piece in pieces:
         middle = piece[len(piece) // 2]
         reach = float(np.hypot(*(piece - middle).T).max())
         parts.append(_Part(piece, middle, reach, float(_to_squares(middle, centers, resolution).min())))
@@ -93,9 +95,7 @@ def _smallest_distance(
         if part.distance - part.reach >= smallest:
             break
         near = centers[_to_squares(part.middle, centers, resolution) - part.reach < smallest]
-        smallest = min(
-            smallest, *(float(_to_squares(point, near, resolution).min()) for point in part.points if len(near))
-        )
+        smallest = min(smallest, *(float(_to_squares(point, near, resolution).min()) for point in part.points))
     return smallest
 
 
