@@ -340,6 +340,13 @@ def _last_started(output: str) -> str:
     return last if "::" in last else ""
 
 
+def _lost(tests: list[str], output: str) -> set[str]:
+    """Return the tests that pytest did not find: they changed since --map."""
+    lines = [line for line in output.splitlines() if line.startswith("ERROR: ") and "not found: " in line]
+    names = [line.partition("not found: ")[2].partition("[")[0] for line in lines]
+    return {test for test in tests if "::" in test and any(name.endswith(test.partition("[")[0]) for name in names)}
+
+
 def noticed(mutation: Mutation, folder: Path, limit: float, calls: dict[str, list[str]]) -> tuple[str, float]:
     """Run the tests on a mutation in a copy for `limit` seconds at most; return the test that failed, or "", and the seconds."""
     mutation.apply(folder)
@@ -353,9 +360,14 @@ def noticed(mutation: Mutation, folder: Path, limit: float, calls: dict[str, lis
     rounds = [["-m", marker, *chosen] for marker in markers]  # most mutations are noticed by a quick test
     spent = 0.0
     try:
-        for tests in rounds:
+        while rounds:
+            tests = rounds.pop(0)
             code, output, seconds = _run([*command, *tests], folder, max(1.0, limit - spent))
             spent += seconds
+            if lost := _lost(tests, output):
+                left = [test for test in tests if test not in lost]
+                rounds[:0] = [left] if any("::" in test for test in left) else []
+                continue
             if code is None:
                 return _hangs(mutation, folder, command, _last_started(output), limit), spent
             if code not in (0, 5):
