@@ -62,7 +62,7 @@ def test_export_and_replay(recorded: Path, tmp_path: Path, capfd: pytest.Capture
     assert run(["plot", str(out), "--out", str(tmp_path / "x.png")]) == 0
     target.unlink()
     capfd.readouterr()
-    assert run(["live", str(out), "--no-open"]) == 2
+    assert run(["live", str(out), "--no-open", "--port", "0"]) == 2
     assert "is the replay of a log, which is needed again" in " ".join(capfd.readouterr().err.split())
 
 
