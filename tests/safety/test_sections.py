@@ -9,6 +9,7 @@ import pytest
 
 from navstack.core import ParameterError
 from navstack.parameters import check_parameters, load_configuration
+from navstack.parameters.models.collision_monitor import parse_points
 
 NAV2 = """\
 velocity_smoother:
@@ -273,3 +274,9 @@ def test_findings(nav2: Path, old: str, new: str, severity: str, text: str, line
     if severity == "error":
         with pytest.raises(ParameterError):
             load_configuration(["turtlebot", str(nav2)])
+
+
+@pytest.mark.parametrize("large", ["1" + 400 * "0", "-1" + 400 * "0", "1e400"])
+def test_a_corner_too_large_for_a_float_is_no_polygon(large: str) -> None:
+    with pytest.raises(ValueError, match=r"points = .* is not a polygon"):
+        parse_points("points", f"[[0.3, 0.2], [{large}, -0.2], [-0.3, 0.0]]")

@@ -49,7 +49,8 @@ def parse_points(name: str, value: Points | None, least: int = MIN_VERTICES) -> 
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    # not isfinite: an integer of any length is finite, but may be too large for a float
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e15
 
 
 def _names(values: Mapping[str, Any], key: str) -> list[str]:
