@@ -1,12 +1,14 @@
 """Drive the packaged controllers through random worlds while their lidar fails for a while, and count collisions.
 
-    python tools/sensor_faults.py [--worlds N] [--first N] [--sets NAME ..] [--faults NAME ..] [--patience S] [--out FILE]
+    python tools/sensor_faults.py [--worlds N] [--first N] [--sets NAME ..] [--faults NAME ..] [--in-turn] [--patience S]
+                                   [--out FILE]
 
 A world is a random map with boxes that are not on it; nothing moves but the robot, so that it stands safely. During a fault the
 lidar is blind (no valid range), silent (no message), frozen (the last scan again, with new stamps), lying (free everywhere) or
 turned (every beam 0.5 rad beside its direction). Its source expects data (`expected_update_rate`). Blind and silent lidars must
 cause no collision once that time has passed, and the robot must stand; the other faults show what cannot be detected. The runs
-of the same worlds without a fault show what it costs.
+of the same worlds without a fault show what it costs. With `--in-turn` each world has one of the faults only, and a tenth of
+them is driven without a fault, too.
 """
 
 from __future__ import annotations
@@ -208,12 +210,20 @@ def main() -> int:
     parser.add_argument("--sets", nargs="+", default=SETS)
     parser.add_argument("--faults", nargs="+", default=FAULTS, choices=FAULTS)
     parser.add_argument("--patience", type=float, default=0.0, help="controller_patience (s); 0: that of the sets")
+    parser.add_argument("--in-turn", action="store_true", help="one of the faults per world, in turn")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, help="write the outcomes as JSON lines")
     args = parser.parse_args()
     numbers = range(args.first, args.first + args.worlds)
+
+    def faults_of(number: int) -> Sequence[str]:
+        if not args.in_turn:
+            return ("", *args.faults)
+        fault = args.faults[number % len(args.faults)]
+        return ("", fault) if number // len(args.faults) % 10 == 0 else (fault,)
+
     tasks = [
-        (name, fault, number, args.patience) for number in numbers for name in args.sets for fault in ("", *args.faults)
+        (name, fault, number, args.patience) for number in numbers for name in args.sets for fault in faults_of(number)
     ]
     outcomes: list[Outcome] = []
     with ProcessPoolExecutor(args.processes) as pool:
