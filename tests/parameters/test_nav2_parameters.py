@@ -664,3 +664,33 @@ def test_every_key_is_accounted_for(node: str, parts: list[str], value: Any) -> 
     document[node]["ros__parameters"][".".join(["zz", *parts])] = value
     keys = [f.key for f in check_parameters([document]) if f.rule.startswith("nav2-") and f.severity == "warning"]
     assert any(key.startswith(f"{node}/zz") for key in keys)
+
+
+# --- names that are too deep --------------------------------------------------------------------------------------------
+
+
+def test_a_name_of_many_levels_is_refused_at_its_place(tmp_path: Path) -> None:
+    name = ".".join("a" * 400)
+    text = TEXT.replace("controller_plugins: [", f"{name}: 1.0\n    controller_plugins: [{name.replace('.', '/')}, ", 1)
+    found = [f for f in problems(text, tmp_path) if f.rule == "too-deep"]
+    key = text.splitlines().index(next(line for line in text.splitlines() if line.lstrip().startswith("a.a.")))
+    assert [(f.severity, f.line) for f in found] == [("error", key + 1), ("error", key + 2)]
+    assert found[0].message == (
+        f"the name {'a.' * 20}.. has 400 levels, more than 50, so it is dropped; nothing in Nav2 is nested that deep: shorten "
+        "the name, or remove it"
+    )
+    with pytest.raises(ParameterError, match="400 levels"):
+        loaded(text, tmp_path)
+
+
+def test_a_name_of_fifty_levels_is_an_undeclared_one(tmp_path: Path) -> None:
+    name = ".".join("a" * 50)
+    text = TEXT.replace("controller_plugins: [", f"{name}: 1.0\n    controller_plugins: [", 1)
+    found = problems(text, tmp_path)
+    assert [f.rule for f in found if f.key == "controller_server/a"] == ["nav2-not-listed"]
+
+
+def test_a_pattern_of_many_wildcards_fits_at_once(tmp_path: Path) -> None:
+    for pattern in ("/".join(["**"] * 300), "/".join(["**", "*"] * 150)):
+        more = written(tmp_path, f'"{pattern}":\n  ros__parameters: {{use_sim_time: true}}\n', "more.yaml")
+        assert is_the_robot(loaded(TEXT, tmp_path)) and load_configuration([str(ROBOT), more])

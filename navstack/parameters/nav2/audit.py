@@ -28,8 +28,9 @@ from navstack.parameters.nav2.declared import (
     exported_name,
     is_known,
 )
-from navstack.parameters.nav2.document import Nodes, Param, RosNode
+from navstack.parameters.nav2.document import Nodes, Param, RosNode, levels, shortened, too_deep
 from navstack.parameters.spelling import nearest
+from navstack.parameters.tree import MAX_DEPTH
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 
 
@@ -183,6 +184,10 @@ _FREE: Final = ("qos_overrides.", "diagnostic_updater.", "GeoJsonGraphFileLoader
 """Parameters that rclcpp and helpers declare."""
 
 
+Problem = tuple[Severity, str, Location, str, str]
+"""Severity, rule, location, key, message."""
+
+
 class NodeAudit:
     """What one node declares in a distribution, given its plugin arrays."""
 
@@ -193,7 +198,7 @@ class NodeAudit:
         self.blocks: list[Block] = []
         self.arrays: dict[str, str] = {}
         """Key of each array that names blocks -> kind."""
-        self.problems: list[tuple[Severity, str, Location, str, str]] = []
+        self.problems: list[Problem] = []
         self.add("", EVERY_NODE)
         self.add("", node.scope)
         for scope, key, kind, first, last, defaults in _ARRAYS:
@@ -227,9 +232,15 @@ class NodeAudit:
             return None
         value = self.node.value(key)
         if isinstance(value, str):
-            return value.split(), param.node.at
-        names = [v for v in value if isinstance(v, str)] if isinstance(value, list) else []
-        return list(dict.fromkeys(names)), param.node.at
+            written = value.split()
+        else:
+            written = list(dict.fromkeys(v for v in value if isinstance(v, str))) if isinstance(value, list) else []
+        names = [name for name in written if levels(name) <= MAX_DEPTH]
+        for name in written:
+            problem: Problem = ("error", "too-deep", param.node.at, shortened(key), f"the name {too_deep(name)}")
+            if name not in names and problem not in self.problems:
+                self.problems.append(problem)
+        return names, param.node.at
 
     def add_array(self, prefix: str, key: str, kind: str, defaults: Sequence[tuple[str, str]]) -> None:
         """Add the blocks that a plugin array names, and what their classes declare."""

@@ -14,6 +14,7 @@ from typing import Final
 
 from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.nodes import NODE_SECTIONS, ROS2_PARAMETERS
+from navstack.parameters.tree import MAX_DEPTH
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, scalar
 
 COSTMAP_NODES: Final = ("global_costmap", "local_costmap")
@@ -60,6 +61,8 @@ _TOKENS: Final[Mapping[str, str]] = {
     "SPEED_ZONE_ENABLED": "use_speed_zones",
 }
 """Values that nav2_bringup's launch files replace -> the launch argument; its default is true."""
+_SHOWN: Final = 40
+"""Characters of a name that is too long for a message."""
 _SUBSTITUTION: Final = re.compile(r"\$\((find-pkg-share|env|var|dirname)(?:\s+([^()]*))?\)")
 
 
@@ -162,6 +165,7 @@ def read_nodes(
         return None
     found = Nodes("/".join(namespace), {})
     fill = _Filler(arguments, "/".join(namespace))
+    deep: dict[Location, str] = {}
     for name in SERVERS:
         last = (name, name) if name in COSTMAP_NODES else (name,)
         full = (*namespace, *last)
@@ -173,13 +177,36 @@ def read_nodes(
             if not entry.is_wild or entry.pattern[-1] == name:
                 node.at, named = entry.at, True
             for param in _flat(entry.params, "", fill):
+                if levels(param.name) > MAX_DEPTH:
+                    deep.setdefault(param.at, param.name)
+                    continue
                 param.wild = entry.is_wild and entry.pattern[-1] != name
                 node.params.pop(param.name, None)
                 node.params[param.name] = param
         if named:
             found.nodes[name] = node
+    for at, name in deep.items():
+        findings.append(finding("error", "too-deep", at, shortened(name), f"the name {too_deep(name)}, or remove it"))
     _other_nodes(all_entries, namespace, found, findings)
     return found
+
+
+def levels(name: str) -> int:
+    """Return the number of levels of a name, which are sections of the tree."""
+    return name.count(".") + name.count("/") + 1
+
+
+def shortened(name: str) -> str:
+    """Return a name that may be too long for a message."""
+    return name if len(name) <= _SHOWN else f"{name[:_SHOWN]}.."
+
+
+def too_deep(name: str) -> str:
+    """Return what is wrong with a name of too many levels, and the fix."""
+    return (
+        f"{shortened(name)} has {levels(name)} levels, more than {MAX_DEPTH}, so it is dropped; nothing in Nav2 is nested that "
+        "deep: shorten the name"
+    )
 
 
 def _namespace(
@@ -210,11 +237,15 @@ def _namespace(
 
 def _matches(pattern: Sequence[str], full: Sequence[str]) -> bool:
     """True if the pattern of an entry (`*` one part, `**` any number of parts) fits a full node name."""
-    if not pattern:
-        return not full
-    if pattern[0] == "**":
-        return any(_matches(pattern[1:], full[i:]) for i in range(len(full) + 1))
-    return bool(full) and pattern[0] in ("*", full[0]) and _matches(pattern[1:], full[1:])
+    ends = {0}  # numbers of parts that the pattern so far fits
+    for part in pattern:
+        if part == "**":
+            ends = set(range(min(ends), len(full) + 1))
+        else:
+            ends = {end + 1 for end in ends if end < len(full) and part in ("*", full[end])}
+        if not ends:
+            return False
+    return len(full) in ends
 
 
 def _other_nodes(
