@@ -316,11 +316,13 @@ def read_sources(
     *,
     distro: str | None = None,
     substitute: bool = False,
+    native: bool = True,
 ) -> Sources:
     """Read everything into one tree; later sources override earlier ones, overrides come last. Never raises for content.
 
     Files of Nav2 are translated; `distro` is their distribution (found from their keys if None), and with `substitute` others
-    stand in for plugins that navstack does not have.
+    stand in for plugins that navstack does not have. Where a plugin has a variant with Nav2's rules and one with those of ROS 1,
+    `native` selects Nav2's.
     """
     out = Sources()
     named: list[Source] = []
@@ -354,7 +356,7 @@ def read_sources(
         if parsed is not None:
             given.append(parsed)
     if out.nav2:
-        given = _read_nav2(out, given, distro, substitute)
+        given = _read_nav2(out, given, distro, substitute, native)
     for names, at, node in given:
         _override(out, names, at, node)
     return out
@@ -364,7 +366,7 @@ _Given = tuple[list[str], Location, Node]
 """An override: parts of its name, location, value."""
 
 
-def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute: bool) -> list[_Given]:
+def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute: bool, native: bool) -> list[_Given]:
     """Translate the files of Nav2 into the tree; return the overrides that were not of them."""
     if not any(navigates(root) for _, root in out.nav2) and not set(out.root.children) <= set(NODE_SECTIONS):
         return given  # sections of safety or localization for move_base, as ROS 2 writes them
@@ -394,6 +396,7 @@ def _read_nav2(out: Sources, given: list[_Given], distro: str | None, substitute
         distro=distro,
         overrides=[(".".join(names), at, node) for names, at, node in own],
         substitute=substitute,
+        native=native,
     )
     # what other sources set comes on top, also by the ids of Nav2: FollowPath={"vx_max": 0.3}
     ids = out.translation.ids if out.translation is not None else {}

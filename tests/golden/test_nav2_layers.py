@@ -57,19 +57,31 @@ def plugin_of(
     return Plugin(name, cls, params_of(cls, own, common, source))
 
 
-def costmap_of(job: dict[str, Any], case: dict[str, np.ndarray]) -> LayeredCostmap:
-    nx, ny, resolution, x, y = job["grid"]
+def source_of(job: dict[str, Any]) -> dict[str, Any]:
+    """Parameters of the source of observations."""
+    names = ("obstacle_max_range", "obstacle_min_range", "raytrace_max_range", "raytrace_min_range")
+    ranges = {name: float(value) for name, value in zip(names, job["ranges"], strict=True)}
+    return {"data_type": "PointCloud2", "clearing": True, **ranges}
+
+
+def layers_of(job: dict[str, Any]) -> list[Plugin[Layer]]:
+    """The layers with the parameters of a job."""
     params = job["params"]
     common = {key: value for key, value in params.items() if "." not in key}
-    farthest, nearest, reach, begin = job["ranges"]
-    source = Nav2ObservationSourceParams(
-        data_type="PointCloud2",
-        clearing=True,
-        obstacle_max_range=farthest,
-        obstacle_min_range=nearest,
-        raytrace_max_range=reach,
-        raytrace_min_range=begin,
-    )
+    source = Nav2ObservationSourceParams(**source_of(job))
+    return [
+        plugin_of(name, LAYERS.get(f"nav2_costmap_2d::{kind}").cls, params, common, source)
+        for name, kind in job["layers"]
+    ]
+
+
+def case_of(name: str) -> dict[str, np.ndarray]:
+    """The arrays of a job."""
+    return {key.split("/", 1)[1]: value for key, value in arrays("layers").items() if key.startswith(f"{name}/")}
+
+
+def costmap_of(job: dict[str, Any], case: dict[str, np.ndarray], layers: list[Plugin[Layer]]) -> LayeredCostmap:
+    nx, ny, resolution, x, y = job["grid"]
     static_map = None
     if "in_map" in case:
         info, cells = case["in_map_info"].tolist(), np.ascontiguousarray(case["in_map"])
@@ -88,12 +100,9 @@ def costmap_of(job: dict[str, Any], case: dict[str, np.ndarray]) -> LayeredCostm
             resolution=resolution,
             origin_x=x,
             origin_y=y,
-            track_unknown_space=params["track_unknown_space"],
+            track_unknown_space=job["params"]["track_unknown_space"],
         ),
-        [
-            plugin_of(name, LAYERS.get(f"nav2_costmap_2d::{kind}").cls, params, common, source)
-            for name, kind in job["layers"]
-        ],
+        layers,
         footprint=Footprint(case["in_footprint"]),
         frames=frames,
         static_map=static_map,
@@ -108,11 +117,10 @@ def buffers_of(layers: Any) -> list[ObservationBuffer]:
     return found
 
 
-@pytest.mark.parametrize("name", sorted(JOBS))
-def test_layers(name: str) -> None:
-    job, data = JOBS[name], arrays("layers")
-    case = {key.split("/", 1)[1]: value for key, value in data.items() if key.startswith(f"{name}/")}
-    costmap = costmap_of(job, case)
+def assert_equal_steps(name: str, layers: list[Plugin[Layer]]) -> None:
+    """Compare every step of a job with Nav2's."""
+    job, case = JOBS[name], case_of(name)
+    costmap = costmap_of(job, case, layers)
     buffers = buffers_of(costmap.layers)
     clouds = split(case["in_points"].astype(np.float32), case["in_counts"])
     window = None
@@ -128,3 +136,8 @@ def test_layers(name: str) -> None:
         assert (g.origin_x, g.origin_y) == tuple(case["origin"][step].tolist()), f"origin of step {step}"
         assert [window.x0, window.x1, window.y0, window.y1] == case["bounds"][step].tolist(), f"window of step {step}"
         np.testing.assert_array_equal(costmap.master.data, case["master"][step], err_msg=f"step {step}")
+
+
+@pytest.mark.parametrize("name", sorted(JOBS))
+def test_layers(name: str) -> None:
+    assert_equal_steps(name, layers_of(JOBS[name]))

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navstack.behavior_trees import find_tree
-from navstack.core import ParameterError
+from navstack.core import FrameTree, LaserScan, ParameterError, Pose2D, Transform2D
+from navstack.costmap import LayeredCostmap, Nav2ObservationSourceParams
 from navstack.parameters import (
     Configuration,
     Finding,
@@ -29,12 +31,14 @@ from navstack.parameters.nav2.declared import (
     HUMBLE,
     JAZZY,
     LYRICAL,
+    NATIVE,
     NAV2_DISTROS,
     declared,
     every_row,
     is_known,
     scopes,
 )
+from navstack.plugins import GLOBAL_PLANNERS, LAYERS
 
 ROBOT = Path(__file__).with_name("nav2_robot.yaml")
 TEXT = ROBOT.read_text(encoding="utf-8")
@@ -107,6 +111,33 @@ def test_defaults_that_changed_between_distributions() -> None:
     assert "goal_checker_plugin" not in declared("controller_server", HUMBLE)
 
 
+@pytest.mark.parametrize("classes", [CLASSES, NATIVE], ids=["as in ROS 1", "native"])
+@pytest.mark.parametrize("kind", ["planner", "layer"])
+def test_every_counterpart_of_the_table_is_a_parameter_of_the_plugin(kind: str, classes: Any) -> None:
+    """For the planners and layers that exist with the rules of Nav2 and with those of ROS 1."""
+    registry: Any = GLOBAL_PLANNERS if kind == "planner" else LAYERS
+    for scope, type_ in classes[kind].items():
+        if NATIVE[kind][scope] == CLASSES[kind][scope] or not type_:
+            continue
+        fields = registry.get(type_).cls.Params.model_fields
+        for row in every_row(scope):
+            counterpart = row.native if classes is NATIVE else row.counterpart
+            assert not counterpart or "/" in counterpart or counterpart in fields, (scope, row.name, counterpart)
+
+
+def test_the_classes_with_two_variants_are_those_with_the_rules_of_nav2() -> None:
+    for kind, registry in (("planner", GLOBAL_PLANNERS), ("layer", LAYERS)):
+        for scope, type_ in NATIVE[kind].items():
+            if scope in registry:  # a plugin of this name has the rules of Nav2
+                assert registry.get(type_).cls is registry.get(scope).cls
+
+
+def test_every_source_range_of_nav2_is_a_parameter_of_its_sources() -> None:
+    fields = Nav2ObservationSourceParams.model_fields
+    assert [r.name for r in every_row("layer source") if r.native and r.native not in fields] == []
+    assert [r.name for r in every_row("layer source") if "range" in r.name and r.native not in fields] == []
+
+
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
@@ -115,8 +146,8 @@ def test_a_robot_of_nav2() -> None:
     assert [(f.severity, f.message) for f in robot.findings if f.severity != "info"] == []
     assert robot.local_planner.name == "regulated_pure_pursuit"
     assert robot.local_planner.params.max_linear_vel == 0.4
-    assert robot.global_planner.name == "navfn"
-    assert robot.global_planner.params.default_tolerance == 0.3
+    assert robot.global_planner.name == "nav2_navfn"
+    assert robot.global_planner.params.tolerance == 0.3
     assert robot.move_base.controller_patience == 0.3
     assert robot.move_base.planner_frequency == 1.0
     assert [r.cls.__name__ for r in robot.recoveries[:4]] == ["ClearCostmapRecovery", "Spin", "Wait", "BackUp"]
@@ -128,6 +159,24 @@ def test_a_robot_of_nav2() -> None:
     assert (source.obstacle_range, source.raytrace_range, source.data_type) == (2.4, 3.0, "LaserScan")
     assert robot.safety.velocity_smoother is not None and robot.safety.velocity_smoother.max_velocity[0] == 0.4
     assert robot.safety.collision_monitor is not None and robot.safety.collision_monitor.polygons == ["Stop"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("nearest", "marked"), [("0.0", True), ("1.2", False)])
+@pytest.mark.parametrize("layer", ["Obstacle", "Voxel"])
+def test_a_minimum_range_of_a_file_has_an_effect(layer: str, nearest: str, marked: bool, tmp_path: Path) -> None:
+    """A beam that ends 1 m ahead."""
+    text = replaced("obstacle_max_range: 2.4", f"obstacle_max_range: 2.4\n          obstacle_min_range: {nearest}")
+    text = text.replace("nav2_costmap_2d::ObstacleLayer", f"nav2_costmap_2d::{layer}Layer")
+    made = loaded(text, tmp_path).local_costmap
+    frames = FrameTree()
+    frames.set("odom", "base_link", Transform2D(), 1.0)
+    grid = LayeredCostmap("local", made.params, made.layers[:1], footprint=made.footprint, frames=frames)
+    grid.observe(
+        LaserScan(np.array([1.02, 1.02], np.float32), 0.0, 0.1, 0.0, 10.0, stamp=1.0, frame="base_link", topic="scan")
+    )
+    grid.update_at(Pose2D(0.0, 0.0), 1.0)
+    assert bool((grid.master.data == 254).any()) is marked
 
 
 def test_the_defaults_are_nav2s_not_those_of_ros_1() -> None:

@@ -44,8 +44,8 @@ def test_absent_parameters_are_added_in_their_block_under_the_names_of_nav2(tmp_
     values = {
         "DWBLocalPlanner/PathDist/aggregation_type": "sum",
         "DWBLocalPlanner/time_granularity": 3e-05,
-        "NavfnROS/use_astar": True,
-        "NavfnROS/default_tolerance": 0.3,
+        "NavfnPlanner/use_astar": True,
+        "NavfnPlanner/tolerance": 0.3,
         "controller_patience": 2,
     }
     assert rewritten(values, tmp_path) == [
@@ -114,7 +114,7 @@ def test_the_packaged_robot_of_nav2_is_read_with_its_simulated_base() -> None:
     assert [f for f in robot.findings if f.severity != "info"] == []
     assert robot.local_planner.name == "dwb"
     assert robot.navstack.sim.lasers == ["laser"]
-    assert robot.nav2_ids["FollowPath"] == "DWBLocalPlanner" and robot.nav2_ids["GridBased"] == "NavfnROS"
+    assert robot.nav2_ids["FollowPath"] == "DWBLocalPlanner" and robot.nav2_ids["GridBased"] == "NavfnPlanner"
 
 
 def test_a_robot_with_dwb_can_be_sent_to_other_processes() -> None:

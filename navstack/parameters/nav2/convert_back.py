@@ -77,7 +77,7 @@ def to_move_base(
     Raise InputError for files that are not of Nav2, ParameterError for parameters that cannot be used.
     """
     names = tuple(str(s) for s in sources)
-    read = read_sources(sources, overrides, distro=distro)
+    read = read_sources(sources, overrides, distro=distro, substitute=allow_missing, native=False)
     if not read.nav2 and not any(f.severity == "error" for f in read.findings):
         raise InputError(
             f"{' '.join(names)} is of move_base already; convert to Nav2 with --to nav2, or write it with current names with "
@@ -85,8 +85,12 @@ def to_move_base(
             argument="PARAMS",
             value=" ".join(names),
         )
-    configuration = load_configuration(sources, overrides=overrides, distro=distro, allow_missing=allow_missing)
+    native = load_configuration(sources, overrides=overrides, distro=distro, allow_missing=allow_missing)
     assert read.translation is not None  # otherwise loading fails
+    own = native.tree.space("navstack")
+    if own is not None:
+        read.root.children["navstack"] = own  # with the lidars that other files describe
+    configuration = load_configuration([read.root.as_node()], allow_missing=allow_missing)  # with the plugins of ROS 1
     index = NAV2_DISTROS.index(read.translation.distro)
     nodes = read_nodes(read.nav2, read.arguments, [])
     return _Converter(configuration, index, nodes, names, read.translation.keys).run()

@@ -33,6 +33,8 @@ class Declared(NamedTuple):
     """Index of the first and of the last distribution that declares it."""
     counterpart: str
     """Name in navstack's section; a path from the section above if it has a slash; empty without one."""
+    native: str = ""
+    """The same in the plugin with Nav2's rules, if there is another one with the rules of ROS 1."""
 
 
 @cache
@@ -48,12 +50,11 @@ def _table() -> Mapping[str, tuple[Declared, ...]]:
 
 
 def _row(line: str) -> Declared:
-    name, kind, default, (first, _, last), *counterpart = line.split()
+    name, kind, default, (first, _, last), *counterparts = line.split()
     value = None if default in ("!", "*") else json.loads(default)
-    other = counterpart[0] if counterpart else ""
     made: Any = kind
-    other = name if other == "=" else other
-    return Declared(name, made, value, _INITIALS.index(first), _INITIALS.index(last), other)
+    names = [{"=": name, "-": ""}.get(other, other) for other in counterparts or ("",)]
+    return Declared(name, made, value, _INITIALS.index(first), _INITIALS.index(last), names[0], names[-1])
 
 
 _INHERITED: Final[Mapping[str, tuple[str, ...]]] = {
@@ -96,6 +97,12 @@ def is_known(scope: str) -> bool:
 def declared(scope: str, distro: int) -> Mapping[str, Declared]:
     """Return what a node or class declares in a distribution, by name."""
     return {row.name: row for row in every_row(scope) if row.first <= distro <= row.last}
+
+
+@cache
+def declared_natively(scope: str, distro: int) -> Mapping[str, Declared]:
+    """Return the same, each with its native counterpart as the counterpart."""
+    return {name: row._replace(counterpart=row.native) for name, row in declared(scope, distro).items()}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -176,6 +183,24 @@ CLASSES: Final[Mapping[str, Mapping[str, str]]] = {
         "nav2_bt_navigator::NavigateThroughPosesNavigator": "",
     },
 }
+"""With the types of ROS 1 where there are two of a kind: what a robot of move_base has, and what becomes of it."""
+NATIVE: Final[Mapping[str, Mapping[str, str]]] = {
+    **CLASSES,
+    "planner": {
+        **CLASSES["planner"],
+        "nav2_navfn_planner::NavfnPlanner": "nav2_navfn_planner::NavfnPlanner",
+        "nav2_theta_star_planner::ThetaStarPlanner": "nav2_theta_star_planner::ThetaStarPlanner",
+    },
+    "layer": {
+        **CLASSES["layer"],
+        **{
+            f"nav2_costmap_2d::{name}Layer": f"nav2_costmap_2d::{name}Layer"
+            for name in ("Static", "Obstacle", "Voxel", "Inflation", "PluginContainer")
+        },
+        "nav2_costmap_2d::LegacyInflationLayer": "nav2_costmap_2d::InflationLayer",
+    },
+}
+"""With the types that have Nav2's rules and Nav2's names of parameters: what a robot of Nav2 has."""
 _WITHOUT_PARAMETERS: Final = frozenset(CLASSES["behavior"])
 _SLASH_UP_TO_IRON: Final = ("planner", "behavior", "navigator")
 """Kinds whose classes are exported under names with a slash up to Iron."""

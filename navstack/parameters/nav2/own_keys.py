@@ -60,10 +60,10 @@ def own_keys(read: Sources) -> Mapping[str, OwnKey] | None:
     found: dict[str, OwnKey] = {}
     for path, node, prefix in _sections(made, nodes, audits):
         for name, row in audits[node.name].declared.items():
-            if not row.counterpart or not name.startswith(prefix) or not name.endswith(row.name):
+            if not row.native or not name.startswith(prefix) or not name.endswith(row.name):
                 continue
             block = name[len(prefix) : len(name) - len(row.name)].replace(".", "/")
-            full = f"{path}/{block}{row.counterpart}".lstrip("/")
+            full = f"{path}/{block}{row.native}".lstrip("/")
             found.setdefault(full, OwnKey(node, name, row))
     return found
 

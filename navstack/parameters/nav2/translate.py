@@ -17,9 +17,11 @@ from navstack.parameters.nav2.declared import (
     GALACTIC,
     HUMBLE,
     LYRICAL,
+    NATIVE,
     NAV2_DISTROS,
     Declared,
     declared,
+    declared_natively,
 )
 from navstack.parameters.nav2.document import COSTMAP_NODES, NAVIGATION, Nodes, Param, RosNode, read_nodes
 from navstack.parameters.spelling import nearest
@@ -48,11 +50,13 @@ def translate(
     distro: str | None,
     overrides: Sequence[tuple[str, Location, Node]] = (),
     substitute: bool = False,
+    native: bool = True,
 ) -> Translation | None:
     """Read, check and translate Nav2's files into `root`; None if no robot could be read.
 
     `overrides` replace parameters: name (`controller_server.FollowPath.max_vel_x`), location, value. With `substitute`, another
-    plugin stands in for one that navstack does not have.
+    plugin stands in for one that navstack does not have. With `native`, plugins have Nav2's rules; otherwise those of ROS 1, where
+    there are two of a kind.
     """
     nodes = read_nodes(documents, arguments, findings)
     if nodes is None:
@@ -81,7 +85,7 @@ def translate(
         findings.append(finding("error", "nav2-no-server", Location(documents[0][0]), "", message))
         return None
     made = Translation(NAV2_DISTROS[chosen])
-    _Translator(root, nodes, audits, chosen, made, findings, arguments, substitute).run()
+    _Translator(root, nodes, audits, chosen, made, findings, arguments, substitute, native).run()
     return made
 
 
@@ -171,6 +175,7 @@ class _Translator:
         findings: list[Finding],
         arguments: Mapping[str, str],
         substitute: bool,
+        native: bool,
     ) -> None:
         self.root = root
         self.nodes = nodes
@@ -180,6 +185,8 @@ class _Translator:
         self.findings = findings
         self.arguments = arguments
         self.substitute = substitute
+        self.classes = NATIVE if native else CLASSES
+        self._table = declared_natively if native else declared
         self._default = Location(made.default_file)
         self._without: dict[str, list[str]] = {}
         """Node -> written keys that navstack has nothing for."""
@@ -201,6 +208,9 @@ class _Translator:
             leaf.used = True
 
     # --- helpers ------------------------------------------------------------------------------------------------------
+
+    def _declared(self, scope: str) -> Mapping[str, Declared]:
+        return self._table(scope, self.distro)
 
     def _add(self, severity: Severity, rule: str, at: Location, key: str, message: str) -> None:
         self.findings.append(finding(severity, rule, at, key, message))
@@ -264,7 +274,7 @@ class _Translator:
     def _report_without(self) -> None:
         for name, keys in self._without.items():
             node = self.nodes.nodes[name]
-            shown = [k for k in keys if k.rpartition(".")[2] not in declared(EVERY_NODE, self.distro)]
+            shown = [k for k in keys if k.rpartition(".")[2] not in self._declared(EVERY_NODE)]
             if not shown:
                 continue
             listed = ", ".join(shown[:_LISTED]) + (f" and {len(shown) - _LISTED} more" if len(shown) > _LISTED else "")
@@ -305,7 +315,7 @@ class _Translator:
         node, audit = self.nodes.nodes["controller_server"], self.audits["controller_server"]
         plain = {
             name: row
-            for name, row in declared("controller_server", self.distro).items()
+            for name, row in self._declared("controller_server").items()
             if row.counterpart in ("controller_frequency", "controller_patience") or not row.counterpart
         }
         plain = {n: r for n, r in plain.items() if not n.endswith(("_plugins", "_plugin"))}
@@ -321,7 +331,7 @@ class _Translator:
         for other in audit.of_kind("controller"):
             if other is not block:
                 self._other(node, audit, other, LOCAL_PLANNERS, "controller")
-        own = CLASSES["controller"].get(block.scope, "")
+        own = self.classes["controller"].get(block.scope, "")
         space = self._section((kind or own or block.id).rpartition("::")[2], node, block.prefix)
         if kind is not None:
             self._put(self.root, "base_local_planner", kind, block.at)
@@ -339,10 +349,10 @@ class _Translator:
             ("path handler", "path_handler_plugins"),
         ):
             blocks = audit.of_kind(kind)
-            usable = [b for b in blocks if CLASSES[kind].get(b.scope)]
+            usable = [b for b in blocks if self.classes[kind].get(b.scope)]
             for block in blocks:
                 if block not in usable and block.scope:
-                    known = ", ".join(CLASSES[kind])
+                    known = ", ".join(self.classes[kind])
                     message = f"navstack has no {kind} {block.scope} ({block.id}); use one of: {known}"
                     first = block is blocks[0]
                     if first and not self.substitute:
@@ -356,13 +366,13 @@ class _Translator:
             space = self._section(blocks[0].id, node, blocks[0].prefix)
             if chosen is None:
                 continue
-            self._put(space, "plugin", CLASSES[kind][chosen.scope], chosen.at)
-            self._rows(node, chosen.prefix, declared(chosen.scope, self.distro), space)
+            self._put(space, "plugin", self.classes[kind][chosen.scope], chosen.at)
+            self._rows(node, chosen.prefix, self._declared(chosen.scope), space)
             for block in usable:
                 if block is not chosen:
                     other = self._section(block.id, node, block.prefix)
-                    self._put(other, "plugin", CLASSES[kind][block.scope], block.at)
-                    self._rows(node, block.prefix, declared(block.scope, self.distro), other)
+                    self._put(other, "plugin", self.classes[kind][block.scope], block.at)
+                    self._rows(node, block.prefix, self._declared(block.scope), other)
 
     def _array_at(self, node: RosNode, audit: NodeAudit, kind: str) -> Location | None:
         key = next((k for k, of in audit.arrays.items() if of == kind), "")
@@ -371,7 +381,7 @@ class _Translator:
 
     def _controller(self, node: RosNode, audit: NodeAudit, block: Block, space: Space) -> None:
         """A controller that navstack has, with the blocks below its own."""
-        rows = dict(declared(block.scope, self.distro))
+        rows = dict(self._declared(block.scope))
         primary = next(
             (
                 b
@@ -399,7 +409,7 @@ class _Translator:
             plugin = node.params.get(f"{block.prefix}{model}.plugin")
             if plugin is not None:
                 self._take(node, plugin, below, "plugin")
-            self._rows(node, f"{block.prefix}{model}.", declared("mppi motion model", self.distro), below)
+            self._rows(node, f"{block.prefix}{model}.", self._declared("mppi motion model"), below)
         if primary is not None:
             self._primary(node, audit, primary, space)
 
@@ -410,14 +420,14 @@ class _Translator:
         below = space.ensure("primary_controller", primary.at)
         self.made.sections[below.path] = node.key(primary.prefix)
         self._put(below, "plugin", kind, primary.at)
-        if CLASSES["controller"].get(primary.scope) == kind:
+        if self.classes["controller"].get(primary.scope) == kind:
             self._controller(node, audit, primary, below)
         else:
             self._stand_in(node, primary, below)
 
     def _critics(self, node: RosNode, audit: NodeAudit, block: Block, space: Space) -> None:
         listed = node.params.get(f"{block.prefix}critics")
-        row = declared(block.scope, self.distro).get("critics")
+        row = self._declared(block.scope).get("critics")
         if row is None:
             return
         if listed is None:
@@ -432,7 +442,7 @@ class _Translator:
             if critic.prefix != f"{block.prefix}{critic.id}.":
                 continue
             below = space.ensure(critic.id, critic.at)
-            rows = dict(declared(critic.scope, self.distro))
+            rows = dict(self._declared(critic.scope))
             if critic.scope.startswith("dwb_critics"):
                 rows["class"] = Declared("class", "string", None, 0, LYRICAL, "class")
             self._rows(node, critic.prefix, rows, below)
@@ -474,12 +484,12 @@ class _Translator:
         """The registered type of a plugin's class; None, with a finding, without one."""
         if not block.scope:
             return None  # reported by the audit
-        made = CLASSES[kind].get(block.scope, "")
+        made = self.classes[kind].get(block.scope, "")
         if made and made in registry:
             return made
         if not made and block.scope in registry:
             return block.scope  # a plugin of another package that is installed
-        known = ", ".join(c for c, t in CLASSES[kind].items() if t and t in registry)
+        known = ", ".join(c for c, t in self.classes[kind].items() if t and t in registry)
         message = f"navstack has no {kind} {block.scope} ({block.id})"
         key = node.key(f"{block.prefix}plugin")
         if not used:
@@ -514,7 +524,7 @@ class _Translator:
         if kind == "controller":
             self._controller(node, audit, block, space)
         else:
-            self._rows(node, block.prefix, declared(block.scope, self.distro), space)
+            self._rows(node, block.prefix, self._declared(block.scope), space)
         self.made.unused.append((registry, made, space, block.id))
         self.root, self.made.sections = main, sections
 
@@ -522,7 +532,7 @@ class _Translator:
 
     def _planner_server(self) -> None:
         node, audit = self.nodes.nodes["planner_server"], self.audits["planner_server"]
-        rows = {n: r for n, r in declared("planner_server", self.distro).items() if not r.counterpart}
+        rows = {n: r for n, r in self._declared("planner_server").items() if not r.counterpart}
         self._rows(node, "", rows, self.root)
         block = self._chosen(audit, "planner")
         self._put(self.root, "planner_frequency", 1.0)
@@ -539,8 +549,8 @@ class _Translator:
         self.made.keys[block.at] = node.key(f"{block.prefix}plugin")
         name = kind.replace("::", "/").rpartition("/")[2]
         space = self._section(name, node, block.prefix)
-        if CLASSES["planner"].get(block.scope) == kind:
-            self._rows(node, block.prefix, declared(block.scope, self.distro), space)
+        if self.classes["planner"].get(block.scope) == kind:
+            self._rows(node, block.prefix, self._declared(block.scope), space)
 
     # --- costmaps -----------------------------------------------------------------------------------------------------
 
@@ -555,28 +565,12 @@ class _Translator:
             self._add("warning", "nav2-no-costmap", node.at, name, message)
         audit = self.audits.get(name) or NodeAudit(node, self.distro)
         space = self._section(name, node, "")
-        rows = dict(declared("costmap", self.distro))
+        rows = dict(self._declared("costmap"))
         rows.pop("plugins", None)
         shared = {n: rows.pop(n) for n in list(rows) if rows[n].counterpart.startswith("static/")}
         self._rows(node, "", rows, space)
-        layers: list[tuple[str, str, Location]] = []
-        for block in audit.of_kind("layer"):
-            if "." in block.prefix[:-1]:
-                continue
-            kind = self._layer_type(node, block)
-            if kind is None:
-                continue
-            layers.append((block.id, kind, block.at))
-            below = self._section(f"{name}/{block.id}", node, block.prefix)
-            if CLASSES["layer"].get(block.scope) == kind:
-                self._rows(node, block.prefix, self._layer_rows(block), below)
-            if block.scope == "nav2_costmap_2d::StaticLayer":
-                static = {n: r._replace(counterpart=r.counterpart.partition("/")[2]) for n, r in shared.items()}
-                self._rows(node, "", static, below)
-            for source in audit.of_kind("layer source"):
-                if source.prefix == f"{block.prefix}{source.id}.":
-                    at_source = self._section(f"{name}/{block.id}/{source.id}", node, source.prefix)
-                    self._rows(node, source.prefix, declared("layer source", self.distro), at_source)
+        static = {n: r._replace(counterpart=r.counterpart.partition("/")[2]) for n, r in shared.items()}
+        layers = self._layers(node, audit, "", name, static)
         layers += self._filters(node, audit, name)
         listed = node.params.get("plugins")
         at = listed.node.at if listed is not None else self._default
@@ -589,6 +583,35 @@ class _Translator:
             entries.append(DictNode(items, where))
         space.put("plugins", at, ListNode(entries, at))
 
+    def _layers(
+        self, node: RosNode, audit: NodeAudit, prefix: str, path: str, static: Mapping[str, Declared]
+    ) -> list[tuple[str, str, Location]]:
+        """Translate the layers of a costmap, or of a container of layers: name, type and location of each."""
+        found: list[tuple[str, str, Location]] = []
+        for block in audit.of_kind("layer"):
+            if block.prefix != f"{prefix}{block.id}.":
+                continue
+            kind = self._layer_type(node, block)
+            if kind is None:
+                continue
+            found.append((block.id, kind, block.at))
+            section = f"{path}/{block.id}"
+            below = self._section(section, node, block.prefix)
+            if self.classes["layer"].get(block.scope) == kind:
+                self._rows(node, block.prefix, self._layer_rows(block), below)
+            if block.scope == "nav2_costmap_2d::StaticLayer":
+                self._rows(node, "", static, below)
+            for source in audit.of_kind("layer source"):
+                if source.prefix == f"{block.prefix}{source.id}.":
+                    at_source = self._section(f"{section}/{source.id}", node, source.prefix)
+                    self._rows(node, source.prefix, self._declared("layer source"), at_source)
+            if block.scope == "nav2_costmap_2d::PluginContainerLayer":
+                inside = self._layers(node, audit, block.prefix, section, static)
+                self._put(below, "plugins", [id_ for id_, _, _ in inside], block.at)
+                for id_, inner, at in inside:
+                    self._put(below.ensure(id_, at), "plugin", inner, at)
+        return found
+
     def _one_base(self) -> None:
         """Give both costmaps the base frame of the local one: base_link and base_footprint of a planar robot are one frame."""
         both = [self.root.space(name) for name in COSTMAP_NODES]
@@ -600,7 +623,7 @@ class _Translator:
             leaves[0].node = self._node(other, leaves[0].node.at)
 
     def _layer_rows(self, block: Block) -> dict[str, Declared]:
-        rows = dict(declared(block.scope, self.distro))
+        rows = dict(self._declared(block.scope))
         if block.scope == "nav2_costmap_2d::StaticLayer":
             rows.pop("map_topic", None)  # the map is passed by the program
         return rows
@@ -608,7 +631,7 @@ class _Translator:
     def _layer_type(self, node: RosNode, block: Block) -> str | None:
         if not block.scope:
             return None
-        kind = CLASSES["layer"].get(block.scope, "")
+        kind = self.classes["layer"].get(block.scope, "")
         if kind and kind in LAYERS:
             return kind
         if not kind and block.scope in LAYERS:
@@ -618,7 +641,7 @@ class _Translator:
         if self.substitute:
             self._add("warning", "nav2-substituted", block.at, key, f"{message}, so it is left out")
         else:
-            known = ", ".join(c for c, t in CLASSES["layer"].items() if t)
+            known = ", ".join(c for c, t in self.classes["layer"].items() if t)
             message += f"; use one of: {known}; or leave it out with --substitute"
             self._add("error", "nav2-no-such-plugin", block.at, key, message)
         return None
@@ -627,14 +650,14 @@ class _Translator:
         for block in audit.of_kind("filter"):
             if not block.scope:
                 continue
-            kind = CLASSES["filter"].get(block.scope, "")
+            kind = self.classes["filter"].get(block.scope, "")
             if not kind:
                 message = f"navstack has no filter {block.scope} ({block.id}), so it is left out"
                 self._add("warning", "nav2-no-such-plugin", block.at, node.key(f"{block.prefix}plugin"), message)
                 continue
             path = f"{name}/{block.id}"
             below = self._section(path, node, block.prefix)
-            self._rows(node, block.prefix, declared(block.scope, self.distro), below)
+            self._rows(node, block.prefix, self._declared(block.scope), below)
             enabled = node.params.get(f"{block.prefix}enabled")
             if enabled is not None:
                 self._take(node, enabled, below, "enabled")
@@ -692,7 +715,7 @@ class _Translator:
         if node is None or audit is None:
             node = RosNode(name, self._default)
             audit = NodeAudit(node, self.distro)
-        rows = declared("behavior_server", self.distro)
+        rows = self._declared("behavior_server")
         self._rows(node, "", {n: r for n, r in rows.items() if not r.counterpart}, self.root)
         order = [("Spin", {"spin_dist": 1.57}), ("Wait", {"wait_duration": 5.0})]
         if self.distro > GALACTIC:
@@ -718,7 +741,7 @@ class _Translator:
                 self._behavior_rows(node, kind, rows, space)
         self._put(self.root, "recovery_behaviors", entries)
         for block in audit.of_kind("behavior"):
-            if block.scope and not CLASSES["behavior"].get(block.scope):
+            if block.scope and not self.classes["behavior"].get(block.scope):
                 message = f"navstack has no behavior {block.scope} ({block.id}); the default tree does not use it"
                 self._add("info", "nav2-no-such-plugin", block.at, node.key(f"{block.prefix}plugin"), message)
 
@@ -737,7 +760,7 @@ class _Translator:
         """A node that navstack has with Nav2's keys."""
         node, audit = self.nodes.nodes[name], self.audits[name]
         space = self._section(name, node, "")
-        rows = dict(declared(name, self.distro))
+        rows = dict(self._declared(name))
         if name != "amcl":
             rows.pop("base_frame_id", None)
             if "odom_frame_id" not in node.params:
@@ -754,7 +777,7 @@ class _Translator:
         ):
             for block in audit.of_kind(kind):
                 below = self._section(f"{name}/{block.prefix[:-1].replace('.', '/')}", node, block.prefix)
-                rows = {n: r for n, r in declared(scope, self.distro).items() if block.prefix + n in node.params}
+                rows = {n: r for n, r in self._declared(scope).items() if block.prefix + n in node.params}
                 self._rows(node, block.prefix, rows, below)
 
     def _base_frame(self, node: RosNode) -> None:
