@@ -55,8 +55,8 @@ def translate(
     """Read, check and translate Nav2's files into `root`; None if no robot could be read.
 
     `overrides` replace parameters: name (`controller_server.FollowPath.max_vel_x`), location, value. With `substitute`, another
-    plugin stands in for one that navstack does not have. With `native`, plugins have Nav2's rules; otherwise those of ROS 1, where
-    there are two of a kind.
+    plugin stands in for one that navstack does not have. With `native`, plugins have Nav2's rules; otherwise those of ROS 1,
+    where there are two of a kind.
     """
     nodes = read_nodes(documents, arguments, findings)
     if nodes is None:
