@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from navstack.core import data_folder, exists, is_file, resolved
 from navstack.parameters.findings import Finding, Location, finding
@@ -104,7 +104,53 @@ def load_file(out: Sources, path: Path, shown: str, namespace: str) -> None:
     read = read_yaml(path, shown)
     out.files.append(shown)
     out.findings += read.findings
-    _load_as(out, read.root, role_of(path.name), shown, namespace)
+    if not _is_other_file(out, read.root, shown):
+        _load_as(out, read.root, role_of(path.name), shown, namespace)
+
+
+class _OtherFile(NamedTuple):
+    """A YAML file of robots that is no parameter file."""
+
+    keys: frozenset[str]
+    """The keys at its root that tell it."""
+    what: str
+    instead: str
+    """What to do with it; {0} is its name."""
+
+
+_OTHER_FILES: Final = (
+    _OtherFile(
+        frozenset({"image", "resolution", "origin"}),
+        "describes a map or a mask",
+        "pass a map as the world (`navstack simulate {0} --params ROBOT`), a mask to its filter "
+        "(`--set global_costmap/FILTER/mask={0}`)",
+    ),
+    _OtherFile(frozenset({"map", "goals"}), "is a scenario", "pass it as the world (`navstack simulate {0}`)"),
+    _OtherFile(
+        frozenset({"places"}),
+        "names places of a map",
+        "drive to them with `navstack tour {0}`, and name the robot's file",
+    ),
+    _OtherFile(
+        frozenset({"waypoints"}),
+        "lists waypoints",
+        "pass their poses as goals (`--goal X,Y,YAW`, repeated), and name the robot's file",
+    ),
+    _OtherFile(frozenset({"docks"}), "lists docks", "name the file with the parameters of the robot that docks there"),
+    _OtherFile(frozenset({"Visualization Manager"}), "configures rviz", "name the robot's file"),
+    _OtherFile(frozenset({"launch"}), "is a launch file in YAML", "name the parameter files that it loads"),
+)
+
+
+def _is_other_file(out: Sources, root: DictNode, shown: str) -> bool:
+    """Report a file of a robot that has no parameters."""
+    found = next((other for other in _OTHER_FILES if other.keys <= root.items.keys()), None)
+    if found is None or any(name in root.items for name in (*_OF_MOVE_BASE, *NODE_NAMES)):
+        return False
+    at, _ = root.items[min(found.keys, key=lambda key: root.items[key][0].line)]
+    message = f"the file {found.what} and has no parameters of a robot; {found.instead.format(Path(shown).name)}"
+    out.findings.append(finding("error", "no-robot", at, "", message))
+    return True
 
 
 def load_root(out: Sources, root: DictNode) -> None:

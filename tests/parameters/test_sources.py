@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from navstack.parameters import packaged_sets, read_sources
+from navstack.core import ParameterError
+from navstack.parameters import check_parameters, load_configuration, packaged_sets, read_sources
 from navstack.parameters.sources import role_of
 
 
@@ -230,3 +231,64 @@ def test_an_ambiguous_folder_names_the_launch_file_that_loads_it(tmp_path: Path)
     (package / "launch" / "other.launch").write_text(node.format(""))
     [found] = [f for f in read_sources([str(package / "config")]).findings if f.severity == "error"]
     assert found.message.endswith(f"; or name the launch file that loads them: {package / 'launch' / 'drive.launch'}")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (
+            "# a mask\nimage: filter.pgm\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\n",
+            2,
+            (
+                "describes a map or a mask and has no parameters of a robot; pass a map as the world (`navstack simulate other.yaml "
+                "--params ROBOT`), a mask to its filter (`--set global_costmap/FILTER/mask=other.yaml`)"
+            ),
+        ),
+        (
+            "waypoints:\n  - {name: point1, pose: {position: {x: 1.0, y: 1.0, z: 0.0}}}\n",
+            1,
+            (
+                "lists waypoints and has no parameters of a robot; pass their poses as goals (`--goal X,Y,YAW`, repeated), and name "
+                "the robot's file"
+            ),
+        ),
+        (
+            "docks: {dock0: {type: charger, frame: map, pose: [1.0, 2.0, 0.0]}}\n",
+            1,
+            "lists docks and has no parameters of a robot; name the file with the parameters of the robot that docks there",
+        ),
+        (
+            "places: {kitchen: [1, 2, 0]}\n",
+            1,
+            (
+                "names places of a map and has no parameters of a robot; drive to them with `navstack tour other.yaml`, and name "
+                "the robot's file"
+            ),
+        ),
+        (
+            "map: office\ngoals: [kitchen]\n",
+            1,
+            "is a scenario and has no parameters of a robot; pass it as the world (`navstack simulate other.yaml`)",
+        ),
+        (
+            "launch:\n- node: {pkg: x}\n",
+            1,
+            "is a launch file in YAML and has no parameters of a robot; name the parameter files",
+        ),
+    ],
+)
+def test_a_file_that_is_no_robot_says_what_it_is(text: str, line: int, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "other.yaml"
+    path.write_text(text, encoding="utf-8")
+    for sources in ([str(path)], ["turtlebot", str(path)]):
+        (found,) = [f for f in check_parameters(sources) if f.severity == "error"]
+        assert (found.rule, found.file, found.line) == ("no-robot", str(path), line)
+        assert found.message.startswith(f"the file {message}")
+        with pytest.raises(ParameterError, match="has no parameters of a robot"):
+            load_configuration(sources)
+
+
+def test_parameters_of_move_base_beside_a_waypoint_list_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text("waypoints: [1, 2]\nlocal_costmap: {update_frequency: 4.0}\n", encoding="utf-8")
+    assert load_configuration(["turtlebot", str(path)]).local_costmap.params.update_frequency == 4.0
