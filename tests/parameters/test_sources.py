@@ -240,16 +240,16 @@ def test_an_ambiguous_folder_names_the_launch_file_that_loads_it(tmp_path: Path)
             "# a mask\nimage: filter.pgm\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\n",
             2,
             (
-                "describes a map or a mask and has no parameters of a robot; pass a map as the world (`navstack simulate other.yaml "
-                "--params ROBOT`), a mask to its filter (`--set global_costmap/FILTER/mask=other.yaml`)"
+                "describes a map or a mask and has no parameters of a robot; pass a map as the world (`navstack simulate "
+                "other.yaml --params ROBOT`), a mask to its filter (`--set global_costmap/FILTER/mask=other.yaml`)"
             ),
         ),
         (
             "waypoints:\n  - {name: point1, pose: {position: {x: 1.0, y: 1.0, z: 0.0}}}\n",
             1,
             (
-                "lists waypoints and has no parameters of a robot; pass their poses as goals (`--goal X,Y,YAW`, repeated), and name "
-                "the robot's file"
+                "lists waypoints and has no parameters of a robot; pass their poses as goals (`--goal X,Y,YAW`, repeated), and "
+                "name the robot's file"
             ),
         ),
         (
@@ -261,8 +261,8 @@ def test_an_ambiguous_folder_names_the_launch_file_that_loads_it(tmp_path: Path)
             "places: {kitchen: [1, 2, 0]}\n",
             1,
             (
-                "names places of a map and has no parameters of a robot; drive to them with `navstack tour other.yaml`, and name "
-                "the robot's file"
+                "names places of a map and has no parameters of a robot; drive to them with `navstack tour other.yaml`, and "
+                "name the robot's file"
             ),
         ),
         (
