@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, Event, InputError, Pose2D, RecordError, angle_between
+from navstack.core import LETHAL, Costmap, Event, InputError, Pose2D, RecordError, angle_between
 from navstack.move_base import GoalTimeLimitError
 from navstack.record import STALL_S, Record, Stall, believed_poses, find_stalls
 
@@ -589,7 +589,7 @@ def timeline_of(
     lines += plan_lines(events)
     lines += failure_lines(record, events)
     lines += [_recovery(record, recovery) for recovery in report.recoveries]
-    lines += _stuck(report, poses)
+    lines += _stuck(record, report, poses)
     lines += _collisions(record, report)
     lines += believed_lines(record, report)
     lines += [
@@ -646,7 +646,7 @@ def _recovery_outcome(recovery: RecoveryRun) -> str:
     return f"cleared {recovery.cleared} cells in {duration}: {recovery.text}"
 
 
-def _stuck(report: GoalReport, poses: NDArray[np.float64]) -> list[TimelineEntry]:
+def _stuck(record: Record, report: GoalReport, poses: NDArray[np.float64]) -> list[TimelineEntry]:
     """Return the parts of CONTROLLING in which the robot hardly moved."""
     lines: list[TimelineEntry] = []
     for span in report.spans:
@@ -655,6 +655,11 @@ def _stuck(report: GoalReport, poses: NDArray[np.float64]) -> list[TimelineEntry
         k = int(np.searchsorted(report.times, span.begin))
         end = int(np.searchsorted(report.times, span.end, side="right"))
         lines += [_stuck_line(stall, report) for stall in find_stalls(report.times[k:end], poses[k:end])]
+    for number, line in enumerate(lines):
+        cause = _pulled_through_obstacle(record, 0.5 * (line.begin + line.end))
+        if cause:
+            lines[number] = replace(line, text=f"{line.text}; {cause}")
+            break  # the others have the same cause
     return lines
 
 
@@ -666,6 +671,54 @@ def _stuck_line(stall: Stall, report: GoalReport) -> TimelineEntry:
     if failed:
         text += f"; control failed {times_text(failed)}"
     return TimelineEntry(begin, end, "stuck", text, data={"turned_rad": turned, "failed_commands": failed})
+
+
+_DETOUR: Final = 1.1
+"""A plan that is this many times as long as the straight line to its end leads around something."""
+
+
+def _pulled_through_obstacle(record: Record, t: float) -> str:
+    """Say that DWB waits before an obstacle at `t`: the plan in its window ends behind it, and its distances go through it."""
+    parameters = record.scenario.get("parameters")
+    own = parameters.get("DWBLocalPlanner") if isinstance(parameters, dict) else None
+    plan, window, costmap = record.plan_at(t), record.costmap_at("local", t), record.costmap_at("global", t)
+    if not isinstance(own, dict) or not {"GoalDist", "GoalAlign"} & {*record.critics}:
+        return ""
+    if plan is None or window is None or costmap is None:
+        return ""
+    points = record.to_global(plan.frame, t).apply_points(plan.poses[:, :2])
+    at = np.array(record.pose_at(t)[:2])
+    away = np.hypot(*(points - at).T)
+    first = int(away.argmin())
+    ahead = own.get("forward_prune_distance")
+    reach = min(
+        0.5 * max(window.geometry.width_m, window.geometry.height_m),
+        float(ahead) if isinstance(ahead, (int, float)) else math.inf,
+    )
+    beyond = np.flatnonzero(away[first:] > reach)
+    last = first + int(beyond[0]) if len(beyond) else len(points) - 1
+    hidden = [k for k in range(first, last + 1) if _is_hidden(costmap, at, points[k])]
+    along = float(np.hypot(*np.diff(points[first : last + 1], axis=0).T).sum())
+    if not hidden or hidden[-1] != last or along < _DETOUR * away[last]:
+        return ""
+    x, y = points[last].tolist()
+    # well before the plan turns out of sight, in half meters
+    shorter = max(0.5, round(2.0 * 0.7 * float(away[first : hidden[0] + 1].max())) / 2.0)
+    fix = f"forward_prune_distance: {shorter:g}" if ahead is not None else f"a local costmap of {2.0 * shorter:g} m"
+    return (
+        f"the plan in the local window ends at ({x:.2f}, {y:.2f}) behind an obstacle, {away[last]:.1f} m away and {along:.1f} m "
+        f"along the plan: GoalDist and GoalAlign measure through obstacles, as in Nav2; {fix} ends it before"
+    )
+
+
+def _is_hidden(costmap: Costmap, start: NDArray[np.float64], end: NDArray[np.float64]) -> bool:
+    """True if a lethal cell is on the line between two points."""
+    g = costmap.geometry
+    count = 2 + int(2.0 * math.dist(start.tolist(), end.tolist()) / g.resolution)
+    cells = (np.linspace(start, end, count) - (g.origin_x, g.origin_y)) / g.resolution
+    ix, iy = np.floor(cells).astype(np.int64).T
+    inside = (ix >= 0) & (ix < g.nx) & (iy >= 0) & (iy < g.ny)
+    return bool((costmap.data[iy[inside], ix[inside]] == LETHAL).any())
 
 
 def _collisions(record: Record, report: GoalReport) -> list[TimelineEntry]:
