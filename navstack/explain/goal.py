@@ -656,7 +656,8 @@ def _stuck(record: Record, report: GoalReport, poses: NDArray[np.float64]) -> li
         end = int(np.searchsorted(report.times, span.end, side="right"))
         lines += [_stuck_line(stall, report) for stall in find_stalls(report.times[k:end], poses[k:end])]
     for number, line in enumerate(lines):
-        cause = _pulled_through_obstacle(record, 0.5 * (line.begin + line.end))
+        t = 0.5 * (line.begin + line.end)
+        cause = _pulled_through_obstacle(record, t) or _kept_off_by_margin(record, t)
         if cause:
             lines[number] = replace(line, text=f"{line.text}; {cause}")
             break  # the others have the same cause
@@ -708,6 +709,42 @@ def _pulled_through_obstacle(record: Record, t: float) -> str:
     return (
         f"the plan in the local window ends at ({x:.2f}, {y:.2f}) behind an obstacle, {away[last]:.1f} m away and {along:.1f} m "
         f"along the plan: GoalDist and GoalAlign measure through obstacles, as in Nav2; {fix} ends it before"
+    )
+
+
+_AHEAD_M: Final = 2.0
+"""The part of the plan in which a narrow place may hold the robot (m)."""
+
+
+def _kept_off_by_margin(record: Record, t: float) -> str:
+    """Say that MPPI waits before a place narrower than its robot with the margin of the ObstaclesCritic on both sides."""
+    parameters = record.scenario.get("parameters")
+    own = parameters.get("MPPIController") if isinstance(parameters, dict) else None
+    critic = own.get("ObstaclesCritic") if isinstance(own, dict) else None
+    plan, costmap = record.plan_at(t), record.costmap_at("global", t)
+    listed = own.get("critics", ()) if isinstance(own, dict) else ()
+    if not isinstance(critic, dict) or "ObstaclesCritic" not in listed or plan is None or costmap is None:
+        return ""
+    margin = float(critic.get("collision_margin_distance", 0.1))
+    g = costmap.geometry
+    iy, ix = np.nonzero(costmap.data == LETHAL)
+    obstacles = np.column_stack((g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution))
+    points = record.to_global(plan.frame, t).apply_points(plan.poses[:, :2])
+    away = np.hypot(*(points - record.pose_at(t)[:2]).T)
+    ahead = points[int(away.argmin()) :]
+    ahead = ahead[np.cumsum(np.hypot(*np.diff(ahead, axis=0, prepend=ahead[:1]).T)) < _AHEAD_M]
+    if not len(obstacles) or not len(ahead):
+        return ""
+    free = np.array([float(np.hypot(*(obstacles - point).T).min()) for point in ahead]) - 0.5 * g.resolution
+    narrowest = int(free.argmin())
+    left = float(free[narrowest]) - record.footprint.inscribed_radius
+    if left <= 0.0 or left >= margin:
+        return ""
+    x, y = ahead[narrowest].tolist()
+    return (
+        f"the plan passes a place at ({x:.2f}, {y:.2f}) that leaves {left:.2f} m beside the footprint, less than "
+        f"collision_margin_distance = {margin:g} m of ObstaclesCritic, which keeps the robot out with critical_weight; set it to "
+        f"{math.floor(80.0 * left) / 100.0:g}, or name a wider way"
     )
 
 
