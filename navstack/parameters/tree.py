@@ -197,8 +197,9 @@ class Translation:
 
     @property
     def ids(self) -> dict[str, str]:
-        """Id of a plugin -> path of its section, for those at the root."""
-        found = {own.rpartition("/")[2].rstrip("."): path for path, own in self.sections.items() if "/" not in path}
+        """Id of a plugin -> path of its section, for those at the root; of a behavior with several, the first is in use."""
+        at_root = [(own.rpartition("/")[2].rstrip("."), path) for path, own in self.sections.items() if "/" not in path]
+        found = dict(reversed(at_root))
         return {id_: path for id_, path in found.items() if id_ and id_ != path}
 
     @property

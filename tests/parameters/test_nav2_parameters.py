@@ -572,6 +572,28 @@ def test_an_override_that_sets_nothing() -> None:
         load_configuration([str(ROBOT)], overrides=["FollowPath.lookahed_dist=0.4"])
 
 
+def test_an_override_at_the_level_of_a_plugin_names_that_of_its_server() -> None:
+    with pytest.raises(
+        ParameterError, match=r"it stands at the level of the server: write behavior_server.max_rotational_vel"
+    ):
+        load_configuration([str(ROBOT)], overrides=["spin.max_rotational_vel=0.4"])
+
+
+@pytest.mark.parametrize(
+    "name", ["local_costmap/obstacle_layer/scan/obstacle_min_range", "obstacle_layer.scan.obstacle_min_range"]
+)
+def test_an_override_of_a_source_by_its_path(name: str) -> None:
+    layer = load_configuration([str(ROBOT)], overrides=[f"{name}=0.25"]).local_costmap.layers[0]
+    assert layer.params.sources["scan"].obstacle_min_range == 0.25
+
+
+def test_an_id_means_the_section_that_is_in_use() -> None:
+    """Spin is in the list of recoveries twice; the tree runs the first."""
+    robot = load_configuration([str(ROBOT), {"spin": {"spin_dist": 0.7}}])
+    assert robot.nav2_ids == {"FollowPath": "RegulatedPurePursuitController", "GridBased": "NavfnPlanner"}
+    assert [r.params.spin_dist for r in robot.recoveries if r.cls.__name__ == "Spin"] == [0.7, 1.57]
+
+
 def test_a_distribution_that_nobody_knows() -> None:
     (found,) = [f for f in check_parameters([str(ROBOT)], distro="humbel") if f.severity == "error"]
     assert found.message == (

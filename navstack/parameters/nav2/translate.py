@@ -153,9 +153,12 @@ def _check_overrides(
         block = audit.block_of(param)
         prefix = block.prefix if block is not None else ""
         close = nearest(param[len(prefix) :], [n[len(prefix) :] for n in audit.declared if n.startswith(prefix)])
+        last = param.rpartition(".")[2]
         hint = (
             f"did you mean {prefix}{close}?" if close else "`navstack params show` lists the parameters that there are"
         )
+        if last in audit.declared:
+            hint = f"it stands at the level of the server: write {node.name}.{last}"
         message = f"{name} sets nothing: {node.name} declares no {param} in Nav2 {NAV2_DISTROS[audit.distro]}; {hint}"
         findings.append(finding("error", "override", at, node.key(param), message, close))
 
