@@ -41,12 +41,14 @@ def no_plan() -> InvalidPathError:
     return InvalidPathError("the local planner has no plan to follow: call set_plan first", poses=0)
 
 
-def out_of_reach(plan: NDArray[np.float64], robot: Pose2D, reach: float) -> InvalidPathError:
-    """The error of a plan without a pose near the robot, which is given in the plan's frame; `reach` (m) is half the window."""
+def out_of_reach(
+    plan: NDArray[np.float64], robot: Pose2D, reach: float, limit: str = "half the local costmap"
+) -> InvalidPathError:
+    """The error of a plan without a pose nearer to the robot, in the plan's frame, than `reach` (m), which is the `limit`."""
     nearest = float(np.hypot(plan[:, 0] - robot.x, plan[:, 1] - robot.y).min())
     return InvalidPathError(
-        f"the plan is out of reach: its nearest pose is {nearest:.2f} m from the robot, the local costmap covers "
-        f"{reach:.2f} m",
+        f"the plan is out of reach: its nearest pose is {nearest:.2f} m from the robot, the controller follows poses within "
+        f"{reach:.2f} m ({limit})",
         nearest_m=nearest,
         reach_m=reach,
     )

@@ -104,6 +104,42 @@ def planner_limits(configuration: Configuration) -> PlannerLimits:
     return PlannerLimits(planner.namespace, planner.params)
 
 
+@rule("progress-out-of-reach", "warning")
+def progress_is_possible(configuration: Configuration) -> Iterator[Problem]:
+    """At its maximum speed the robot covers less than `required_movement_radius` within `movement_time_allowance` of the
+    progress checker, so every drive fails with FAILED_TO_MAKE_PROGRESS; or a reverse drive takes longer than its time
+    allowance. Example: 0.04 m/s for 10 s is less than 0.5 m.
+
+    Fix: lower the radius, or raise the time allowance.
+    """
+    forward, sideways, _ = planner_limits(configuration).lists()["max_velocity"]
+    speeds = [limit for limit in (forward, sideways) if limit is not None]
+    fastest = max(speeds, default=None)
+    for name, checker in configuration.move_base.sections.items():
+        radius, allowed = (
+            getattr(checker, key, None) for key in ("required_movement_radius", "movement_time_allowance")
+        )
+        # a checker of poses counts turns as progress, too
+        if fastest is None or radius is None or allowed is None or hasattr(checker, "required_movement_angle"):
+            continue
+        if fastest[0] * allowed <= radius:
+            message = (
+                f"the robot covers {fastest[0] * allowed:g} m in movement_time_allowance = {allowed:g} s at {fastest[1]} m/s, "
+                f"not more than required_movement_radius = {radius:g} m, so every drive fails; set the radius to "
+                f"{0.25 * fastest[0] * allowed:.2g}"
+            )
+            yield Problem((f"/{name}/required_movement_radius", f"/{name}/movement_time_allowance"), message)
+    for behavior in configuration.recoveries:
+        values = [getattr(behavior.params, key, None) for key in ("backup_dist", "backup_speed", "time_allowance")]
+        distance, speed, allowed = (abs(float(v)) if v is not None else math.nan for v in values)
+        if distance >= speed * allowed:
+            message = (
+                f"{behavior.namespace} takes {distance / speed if speed else math.inf:g} s for {distance:g} m at {speed:g} m/s, "
+                f"its time_allowance is {allowed:g} s, so it always fails; raise the speed or the time_allowance"
+            )
+            yield Problem((f"/{behavior.namespace}/backup_speed", f"/{behavior.namespace}/time_allowance"), message)
+
+
 # --- velocity smoother and multiplexer --------------------------------------------------------------------------------
 
 

@@ -737,6 +737,39 @@ def test_every_key_is_accounted_for(node: str, parts: list[str], value: Any) -> 
     assert any(key.startswith(f"{node}/zz") for key in keys)
 
 
+# --- rules of a Nav2 robot ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("speed", "reported"), [("0.04", True), ("0.041", False)])
+def test_a_robot_too_slow_for_its_progress_checker(speed: str, reported: bool, tmp_path: Path) -> None:
+    """0.4 m in 10 s."""
+    text = replaced("desired_linear_vel: 0.4", f"desired_linear_vel: {speed}")
+    found = [f for f in problems(text, tmp_path) if f.rule == "progress-out-of-reach"]
+    assert bool(found) is reported
+    if reported:
+        assert found[0].key == "controller_server/progress_checker.required_movement_radius"
+        assert "covers 0.4 m in movement_time_allowance = 10 s at max_linear_vel 0.04 m/s" in found[0].message
+        fixed = text.replace(
+            "required_movement_radius: 0.4", f"required_movement_radius: {found[0].message.split()[-1]}"
+        )
+        assert [f for f in problems(fixed, tmp_path) if f.rule == "progress-out-of-reach"] == []
+
+
+@pytest.mark.parametrize(("allowance", "reported"), [(5.9, True), (6.1, False)])
+def test_a_reverse_drive_that_takes_longer_than_it_may(allowance: float, reported: bool) -> None:
+    """0.15 m at 0.025 m/s take 6 s."""
+    behavior = {"name": "back", "type": "nav2_behaviors::BackUp"}
+    more = {"recovery_behaviors": [behavior], "back": {"time_allowance": allowance}}
+    found = [f.message for f in check_parameters(["turtlebot", more]) if f.rule == "progress-out-of-reach"]
+    assert [message.partition(",")[0] for message in found] == ["back takes 6 s for 0.15 m at 0.025 m/s"] * reported
+
+
+def test_a_node_that_is_not_run_is_named_once() -> None:
+    more = {"smoother_server": {"ros__parameters": {"smoother_plugins": ["simple_smoother"]}}}
+    (found,) = [f for f in check_parameters([str(ROBOT), more]) if f.rule == "nav2-not-run"]
+    assert found.message == ("navstack does not run smoother_server: its parameters are checked, but they set nothing")
+
+
 # --- names that are too deep --------------------------------------------------------------------------------------------
 
 

@@ -85,5 +85,8 @@ class PlanWindow(PathHandler):
 
     def _nothing(self, plan: NDArray[np.float64], at: Pose2D, half: float) -> InvalidPathError:
         """The error of a robot without a pose of the plan around it."""
-        reach = min([half, *([self._behind] if self._prune else ()), *([self._ahead] if self._shorten else ())])
-        return out_of_reach(plan[self._begin :, :3], at, reach)
+        limits = [(half, "half the local costmap")]
+        limits += [(self._behind, "prune_distance")] if self._prune else []
+        limits += [(self._ahead, "forward_prune_distance")] if self._shorten else []
+        reach, limit = min(limits)
+        return out_of_reach(plan[self._begin :, :3], at, reach, limit)

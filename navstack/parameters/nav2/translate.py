@@ -286,9 +286,12 @@ class _Translator:
 
     def _report_not_run(self) -> None:
         """Note the nodes whose parameters are only checked."""
-        idle = [n for n, audit in self.audits.items() if not audit.runs and exists(n, self.distro)]
+        idle = [n for n, a in self.audits.items() if not (a.runs or n == "bt_navigator") and exists(n, self.distro)]
         if idle:
-            message = f"navstack does not run {', '.join(idle)}: their parameters are checked, but they set nothing"
+            what = "its parameters are checked, but they set nothing"
+            if len(idle) > 1:
+                what = "their parameters are checked, but they set nothing"
+            message = f"navstack does not run {', '.join(idle)}: {what}"
             self._add("info", "nav2-not-run", self.nodes.nodes[idle[0]].at, idle[0], message)
 
     def _behavior_tree(self) -> None:
@@ -296,6 +299,9 @@ class _Translator:
         navigator = self.nodes.nodes.get("bt_navigator")
         key = "default_nav_to_pose_bt_xml" if self.distro >= GALACTIC else "default_bt_xml_filename"
         named = navigator.text(key) if navigator is not None else None
+        if navigator is not None:
+            others = [n for n in navigator.params if n != key and n in self.audits[navigator.name].declared]
+            self._without.setdefault(navigator.name, []).extend(others)
         space = self.root.ensure("navstack", self._default)
         default = DEFAULT_TREE + _TREES.get(NAV2_DISTROS[self.distro], "")
         if navigator is None or not named:
