@@ -129,8 +129,8 @@ MAX_POINTS: Final = 10_000_000
 """Largest number of beams or points of a valid message."""
 
 
-class ObservationSourceParams(ParamModel):
-    """One source of an obstacle or voxel layer: `<layer>/<source>:`."""
+class _SourceParams(ParamModel):
+    """What the sources of an obstacle layer have in common in ROS 1 and Nav2."""
 
     topic: str = param("", "topic of the messages; the source's name if empty")
     sensor_frame: str = param("", "frame of the sensor's origin; the message's frame if empty")
@@ -151,38 +151,32 @@ class ObservationSourceParams(ParamModel):
     inf_is_valid: bool = param(False, "beams without a hit clear the space up to range_max (LaserScan)")
     clearing: bool = param(False, "clear the space between sensor and points")
     marking: bool = param(True, "mark the points as obstacles")
+
+
+class ObservationSourceParams(_SourceParams):
+    """One source of an obstacle or voxel layer: `<layer>/<source>:`."""
+
     obstacle_range: float = param(2.5, "points farther away are not marked", unit="m", ge=0.0)
     raytrace_range: float = param(3.0, "space farther away is not cleared", unit="m", ge=0.0)
 
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"obstacle_range", "raytrace_range"})
+    RANGES: ClassVar[tuple[str, str]] = ("obstacle_range", "raytrace_range")
+    """Names of the largest distances of marking and clearing."""
+
+    obstacle_min_range: ClassVar[float] = 0.0
+    raytrace_min_range: ClassVar[float] = 0.0
 
 
-class Nav2ObservationSourceParams(ParamModel):
+class Nav2ObservationSourceParams(_SourceParams):
     """One source of Nav2's obstacle or voxel layer: `<layer>/<source>:`."""
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         "transport_type": "messages are received as they are",
     }
+    RANGES: ClassVar[tuple[str, str]] = ("obstacle_max_range", "raytrace_max_range")
 
-    topic: str = param("", "topic of the messages; the source's name if empty")
-    sensor_frame: str = param("", "frame of the sensor's origin; the message's frame if empty")
-    observation_persistence: float = param(0.0, "lifetime of an observation; 0 = only the latest", unit="s", ge=0.0)
-    expected_update_rate: float = param(
-        0.0, "longest time between two messages (a period, despite its name); 0 = no limit", unit="s", ge=0.0
-    )
-    min_valid_share: float = param(
-        0.1,
-        "share of a message's beams or points that must be valid; a message with fewer does not count for "
-        "expected_update_rate; 0 = every message counts; not a parameter of Nav2",
-        ge=0.0,
-        le=1.0,
-    )
     data_type: Literal["PointCloud2", "LaserScan"] = param("LaserScan", "type of the messages")
-    min_obstacle_height: float = param(0.0, "points below are ignored", unit="m")
     max_obstacle_height: float = param(0.0, "points above are ignored: a source must set it", unit="m")
-    inf_is_valid: bool = param(False, "beams without a hit clear the space up to range_max (LaserScan)")
-    clearing: bool = param(False, "clear the space between sensor and points")
-    marking: bool = param(True, "mark the points as obstacles")
     obstacle_max_range: float = param(2.5, "points farther away are not marked", unit="m", ge=0.0)
     obstacle_min_range: float = param(0.0, "points nearer are not marked", unit="m", ge=0.0)
     raytrace_max_range: float = param(3.0, "space farther away is not cleared", unit="m", ge=0.0)
