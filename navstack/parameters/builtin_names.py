@@ -263,8 +263,8 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "nav2_obstacle": PluginNames(
             values=(
-                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
-                "combination_method track_unknown_space transform_tolerance observation_sources"
+                "enabled footprint_clearing_enabled max_obstacle_height combination_method "
+                "track_unknown_space transform_tolerance observation_sources min_obstacle_height"
             ),
             others="tf_filter_tolerance",
         ),
@@ -278,8 +278,8 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "nav2_voxel": PluginNames(
             values=(
-                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
-                "combination_method track_unknown_space transform_tolerance observation_sources origin_z "
+                "enabled footprint_clearing_enabled max_obstacle_height combination_method "
+                "track_unknown_space transform_tolerance observation_sources min_obstacle_height origin_z "
                 "z_resolution z_voxels unknown_threshold mark_threshold publish_voxel_map"
             ),
             others="tf_filter_tolerance",
@@ -317,6 +317,10 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
     },
     "recovery behavior": {
+        "assisted_teleop": PluginNames(
+            values="time_allowance cycle_frequency projection_time simulation_time_step",
+            others="cmd_vel_teleop",
+        ),
         "back_up": PluginNames(
             values=(
                 "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist backup_speed"

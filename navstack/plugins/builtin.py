@@ -146,6 +146,11 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "nav2_feasible": ("navstack.local_planner.path_handlers", "nav2_controller/FeasiblePathHandler"),
     },
     "recovery behavior": {
+        "assisted_teleop": (
+            "navstack.behaviors.assisted_teleop",
+            "nav2_behaviors/AssistedTeleop",
+            "nav2_recoveries/AssistedTeleop",
+        ),
         "back_up": ("navstack.behaviors.straight", "nav2_behaviors/BackUp", "nav2_recoveries/BackUp"),
         "clear_costmap_recovery": ("navstack.behaviors.clear_costmap", "clear_costmap_recovery/ClearCostmapRecovery"),
         "drive_on_heading": (
