@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from navstack.costmap.layered_costmap import apply_reconfigure as apply_reconfigure
     from navstack.costmap.layered_costmap import check_reconfigure as check_reconfigure
     from navstack.costmap.layered_costmap import costs_of_occupied as costs_of_occupied
+    from navstack.costmap.mask_layers import BinaryMaskLayer as BinaryMaskLayer
+    from navstack.costmap.mask_layers import BinaryMaskLayerParams as BinaryMaskLayerParams
     from navstack.costmap.mask_layers import KeepoutMaskLayer as KeepoutMaskLayer
     from navstack.costmap.mask_layers import MaskLayerParams as MaskLayerParams
     from navstack.costmap.mask_layers import SpeedLimit as SpeedLimit

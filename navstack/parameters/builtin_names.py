@@ -242,6 +242,10 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
     },
     "costmap layer": {
+        "binary_mask": PluginNames(
+            values="enabled mask base multiplier default_state flip_threshold",
+            others="binary_state_topic",
+        ),
         "denoise": PluginNames(
             values="enabled minimal_group_size group_connectivity_type",
         ),

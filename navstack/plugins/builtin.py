@@ -7,6 +7,7 @@ from typing import Final
 
 BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "costmap layer": {
+        "binary_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/BinaryFilter"),
         "denoise": ("navstack.costmap.denoise_layer",),
         "inflation": ("navstack.costmap.inflation_layer", "costmap_2d/InflationLayer"),
         "keepout_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/KeepoutFilter"),
