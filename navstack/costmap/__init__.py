@@ -3,6 +3,9 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.costmap.decaying_voxel_layer import DecayingSourceParams as DecayingSourceParams
+    from navstack.costmap.decaying_voxel_layer import DecayingVoxelLayer as DecayingVoxelLayer
+    from navstack.costmap.decaying_voxel_layer import DecayingVoxelLayerParams as DecayingVoxelLayerParams
     from navstack.costmap.denoise_layer import DenoiseLayer as DenoiseLayer
     from navstack.costmap.denoise_layer import DenoiseLayerParams as DenoiseLayerParams
     from navstack.costmap.denoise_layer import Nav2DenoiseLayer as Nav2DenoiseLayer

@@ -129,8 +129,8 @@ MAX_POINTS: Final = 10_000_000
 """Largest number of beams or points of a valid message."""
 
 
-class _SourceParams(ParamModel):
-    """What the sources of an obstacle layer have in common in ROS 1 and Nav2."""
+class CommonSourceParams(ParamModel):
+    """What the sources of all obstacle layers have in common."""
 
     topic: str = param("", "topic of the messages; the source's name if empty")
     sensor_frame: str = param("", "frame of the sensor's origin; the message's frame if empty")
@@ -153,7 +153,7 @@ class _SourceParams(ParamModel):
     marking: bool = param(True, "mark the points as obstacles")
 
 
-class ObservationSourceParams(_SourceParams):
+class ObservationSourceParams(CommonSourceParams):
     """One source of an obstacle or voxel layer: `<layer>/<source>:`."""
 
     obstacle_range: float = param(2.5, "points farther away are not marked", unit="m", ge=0.0)
@@ -167,7 +167,7 @@ class ObservationSourceParams(_SourceParams):
     raytrace_min_range: ClassVar[float] = 0.0
 
 
-class Nav2ObservationSourceParams(_SourceParams):
+class Nav2ObservationSourceParams(CommonSourceParams):
     """One source of Nav2's obstacle or voxel layer: `<layer>/<source>:`."""
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
@@ -198,9 +198,9 @@ SourceParams = ObservationSourceParams | Nav2ObservationSourceParams
 
 
 class Observation:
-    """Points (n, 3) float32 in the costmap's frame, seen from `x, y, z` (m) at `stamp` (s)."""
+    """Points (n, 3) float32 in the costmap's frame, seen from `x, y, z` (m) with the heading `yaw` (rad) at `stamp` (s)."""
 
-    __slots__ = ("count", "points", "serial", "source", "stamp", "x", "y", "z")
+    __slots__ = ("count", "points", "serial", "source", "stamp", "x", "y", "yaw", "z")
 
     def __init__(
         self, source: ObservationBuffer, points: NDArray[np.float32], count: int, origin: tuple[float, float, float]
@@ -209,6 +209,7 @@ class Observation:
         self.points = points
         self.count = count
         self.x, self.y, self.z = origin
+        self.yaw = 0.0
         self.stamp = 0.0
         self.serial = 0
 
@@ -220,7 +221,9 @@ class ObservationBuffer:
     uses one scan in ten.
     """
 
-    def __init__(self, name: str, params: SourceParams, *, frame: str, frames: FrameTree, tolerance_s: float) -> None:
+    def __init__(
+        self, name: str, params: CommonSourceParams, *, frame: str, frames: FrameTree, tolerance_s: float
+    ) -> None:
         self.name = name
         self.params = params
         self.topic = (params.topic or name).removeprefix("/")
@@ -257,12 +260,12 @@ class ObservationBuffer:
     )
     """Parameters that may change at run time."""
 
-    def may_become(self, params: SourceParams) -> bool:
+    def may_become(self, params: CommonSourceParams) -> bool:
         """Return True if the parameters differ in `LIVE` only."""
         old = self.params
         return all(name in self.LIVE or getattr(old, name) == getattr(params, name) for name in type(old).model_fields)
 
-    def set_params(self, params: SourceParams) -> None:
+    def set_params(self, params: CommonSourceParams) -> None:
         """Replace the parameters; they differ in `LIVE` only."""
         self.params = params
         self._height = math.nan
@@ -415,6 +418,7 @@ class ObservationBuffer:
             points, count = self._cloud_points(data, at)
             height = 0.0
         observation = Observation(self, points, count, (origin.x, origin.y, height))
+        observation.yaw = origin.yaw
         observation.stamp = data.stamp
         return observation
 

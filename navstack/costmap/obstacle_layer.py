@@ -677,7 +677,7 @@ class ObstacleLayer(Layer):
             self.costs = costs
 
     def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
-        source = seen.source.params
+        source: Any = seen.source.params
         self._mark_points(
             self.costs,
             self.marks,
@@ -725,7 +725,8 @@ class ObstacleLayer(Layer):
         return g.origin_x, g.origin_y, g.resolution, params.max_obstacle_height, params.lowest, self.AS_NAV2
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
-        source, settings = seen.source.params, self._kernel_settings()
+        source: Any = seen.source.params
+        settings = self._kernel_settings()
         nearest, reach = source.raytrace_min_range, source.raytrace_range
         return self._clear_rays(self.costs, seen.points, seen.count, settings, seen.x, seen.y, nearest, reach, box)
 

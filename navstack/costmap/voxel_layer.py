@@ -365,7 +365,8 @@ class VoxelLayer(ObstacleLayer):
         ends: list[NDArray[np.float64]] = [np.empty((0, 3))]
         g, params = self.geometry, self.params
         for seen in (observation for buffer in self._clearing for observation in buffer.observations):
-            count, reach = seen.count, seen.source.params.raytrace_range
+            source: Any = seen.source.params
+            count, reach = seen.count, source.raytrace_range
             places, cells = np.empty((6, count)), np.empty((4, count), np.int32)
             size = float(g.nx), float(g.ny)
             ray_ends(seen.points[:count], self._kernel_settings(), (seen.x, seen.y, seen.z), reach, size, places, cells)
@@ -411,7 +412,7 @@ class VoxelLayer(ObstacleLayer):
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
         if seen.count == 0:
             return True
-        source = seen.source.params
+        source: Any = seen.source.params
         return self._clear_rays(
             self.costs,
             self.marks,

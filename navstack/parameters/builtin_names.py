@@ -246,6 +246,13 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
             values="enabled mask base multiplier default_state flip_threshold",
             others="binary_state_topic",
         ),
+        "decaying_voxel": PluginNames(
+            values=(
+                "enabled voxel_size voxel_decay decay_model mark_threshold track_unknown_space "
+                "update_footprint_enabled combination_method transform_tolerance observation_sources"
+            ),
+            others=("publish_voxel_map mapping_mode map_save_duration unknown_threshold max_obstacle_height origin_z"),
+        ),
         "denoise": PluginNames(
             values="enabled minimal_group_size group_connectivity_type",
         ),

@@ -8,6 +8,10 @@ from typing import Final
 BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "costmap layer": {
         "binary_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/BinaryFilter"),
+        "decaying_voxel": (
+            "navstack.costmap.decaying_voxel_layer",
+            "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer",
+        ),
         "denoise": ("navstack.costmap.denoise_layer",),
         "inflation": ("navstack.costmap.inflation_layer", "costmap_2d/InflationLayer"),
         "keepout_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/KeepoutFilter"),
