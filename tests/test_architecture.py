@@ -22,13 +22,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "navstack"
 LEVEL_OF = {name: level for level, names in enumerate(LEVELS) for name in names}
 WIDE_KERNELS = {
-    "navstack.costmap.voxel_layer:clear_voxel_rays_beyond",
     "navstack.global_planner.theta_star:lazy_theta_star",
     "navstack.local_planner.critics.obstacle:obstacle_scores",
 }
 """Kernels with more than 12 arguments, as `module:function`; at most three. The obstacle critic takes arrays of the cycle that
-other critics share: a record of them would be filled in each cycle. Rays of Nav2 take one argument more than those of ROS 1, and
-Nav2's Theta* the scratch memory of a search."""
+other critics share: a record of them would be filled in each cycle. Nav2's Theta* takes the scratch memory of a search."""
 
 
 def module_of(file: Path) -> str:

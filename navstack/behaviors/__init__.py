@@ -6,6 +6,8 @@ Recovery behaviors run if planning or control fails, or without progress; motion
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.behaviors.assisted_teleop import AssistedTeleop as AssistedTeleop
+    from navstack.behaviors.assisted_teleop import AssistedTeleopParams as AssistedTeleopParams
     from navstack.behaviors.base import Motion as Motion
     from navstack.behaviors.base import TimedBehavior as TimedBehavior
     from navstack.behaviors.clear_costmap import ClearCostmapRecovery as ClearCostmapRecovery

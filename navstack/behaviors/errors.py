@@ -97,3 +97,10 @@ class DriveOnHeadingInputError(ParameterError):
 
     code = 724
     name = "INVALID_INPUT"
+
+
+class AssistedTeleopTimeoutError(RecoveryError):
+    """The person did not end assisted_teleop within its time_allowance."""
+
+    code = 731
+    name = "TIMEOUT"

@@ -48,19 +48,29 @@ def line_next(cell, error, line):
 
 
 @kernel
-def clear_line(cells, nx, x0, y0, x1, y1, max_length):
+def clear_line(cells, nx, x0, y0, x1, y1, nearest, max_length):
     """Set the cells of a line to 0, both ends included; stop after `max_length` (cells, Euclidean).
+
+    With `nearest` (cells), the line begins in the cell that far from the first one, if the last one is not nearer, and the
+    share of it that is left out is that of the whole line (Nav2).
 
     The cell after i steps along the major axis is `(steps // 2 + i * add) // steps` cells along the minor one. With the slope
     in fixed point, each cell takes one addition and no branch.
     """
+    dx, dy = x1 - x0, y1 - y0
+    squared = float(dx * dx + dy * dy)
+    if nearest > 0.0:
+        # the square root is exact where a rounding could change a cell: for the sides of a right triangle of integers
+        whole = math.sqrt(squared)
+        if whole < nearest:
+            return
+        x0, y0 = int(x0 + dx / whole * nearest), int(y0 + dy / whole * nearest)
     length, add, major, minor = line_start(x0, y0, x1, y1, nx)
     offset = y0 * nx + x0
     if length == 0:
         cells[np.uint64(offset)] = 0
         return
     steps = length
-    squared = float(length * length + add * add)
     if squared > max_length * max_length:
         steps = int(max_length / math.sqrt(squared) * length)
     scale = (1 << FIXED) / length

@@ -3,6 +3,9 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.costmap.decaying_voxel_layer import DecayingSourceParams as DecayingSourceParams
+    from navstack.costmap.decaying_voxel_layer import DecayingVoxelLayer as DecayingVoxelLayer
+    from navstack.costmap.decaying_voxel_layer import DecayingVoxelLayerParams as DecayingVoxelLayerParams
     from navstack.costmap.denoise_layer import DenoiseLayer as DenoiseLayer
     from navstack.costmap.denoise_layer import DenoiseLayerParams as DenoiseLayerParams
     from navstack.costmap.denoise_layer import Nav2DenoiseLayer as Nav2DenoiseLayer
@@ -17,6 +20,8 @@ if TYPE_CHECKING:
     from navstack.costmap.layered_costmap import apply_reconfigure as apply_reconfigure
     from navstack.costmap.layered_costmap import check_reconfigure as check_reconfigure
     from navstack.costmap.layered_costmap import costs_of_occupied as costs_of_occupied
+    from navstack.costmap.mask_layers import BinaryMaskLayer as BinaryMaskLayer
+    from navstack.costmap.mask_layers import BinaryMaskLayerParams as BinaryMaskLayerParams
     from navstack.costmap.mask_layers import KeepoutMaskLayer as KeepoutMaskLayer
     from navstack.costmap.mask_layers import MaskLayerParams as MaskLayerParams
     from navstack.costmap.mask_layers import SpeedLimit as SpeedLimit

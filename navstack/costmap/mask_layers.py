@@ -1,11 +1,12 @@
-"""Keepout and speed masks: areas that the robot must avoid or cross slowly.
+"""Keepout, speed and binary masks: areas that the robot must avoid, cross slowly, or in which something is on.
 
 Semantics of Nav2's costmap filters (nav2_costmap_2d/plugins/costmap_filters); the mask is a map_server file.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,19 @@ class SpeedMaskLayerParams(MaskLayerParams):
     type: Literal["percent", "absolute"] = param("percent", "unit of the limits: percent of the full speed, or m/s")
     base: float = param(0.0, "limit = base + multiplier * value of the mask")
     multiplier: float = param(1.0, "limit = base + multiplier * value of the mask")
+
+
+class BinaryMaskLayerParams(MaskLayerParams):
+    """`<costmap>/binary_mask:`."""
+
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {
+        "binary_state_topic": "the state is that of the layer; no topic is published",
+    }
+
+    base: float = param(0.0, "compared value = base + multiplier * value of the mask")
+    multiplier: float = param(1.0, "compared value = base + multiplier * value of the mask")
+    default_state: bool = param(False, "state outside the mask, and up to flip_threshold")
+    flip_threshold: float = param(50.0, "above this value the state is the opposite of default_state")
 
 
 class SpeedLimit(NamedTuple):
@@ -83,14 +97,16 @@ class _MaskLayer(Layer):
 
     def value_at(self, x: float, y: float) -> int | None:
         """Return the value (0 .. 100) at a point (m) of the costmap's frame; None if it is unknown or outside the mask."""
+        value = self._raw_value(x, y)
+        return value if value is not None and value >= 0 else None
+
+    def _raw_value(self, x: float, y: float) -> int | None:
+        """Return the value at a point (m), -1 if it is unknown; None outside the mask, or without one."""
         if self.mask is None:
             return None
         at = self._to_mask().apply(Pose2D(x, y))
         cell = self.mask.geometry.world_to_cell(at.x, at.y)
-        if cell is None:
-            return None
-        value = int(self.mask.data[cell[1], cell[0]])
-        return value if value >= 0 else None
+        return None if cell is None else int(self.mask.data[cell[1], cell[0]])
 
     def _to_mask(self) -> Transform2D:
         assert self.mask is not None
@@ -188,6 +204,60 @@ class SpeedMaskLayer(_MaskLayer):
         if limit is None:
             return CellExplanation(None, "no speed limit here")
         return CellExplanation(None, f"speed limit {limit.value:g} {'%' if limit.percent else 'm/s'}", source="mask")
+
+
+@LAYERS.register("binary_mask", aliases=("nav2_costmap_2d/BinaryFilter",))
+class BinaryMaskLayer(_MaskLayer):
+    """Areas in which something is on or off, such as a light or a camera. The layer writes no costs.
+
+    `state` follows the value of the mask under the robot: where it is unknown, the state stays; outside the mask it is
+    `default_state`.
+    """
+
+    Params: ClassVar[type[ParamModel]] = BinaryMaskLayerParams
+
+    def __init__(self, params: Any, context: LayerContext) -> None:
+        super().__init__(params, context)
+        self.state: bool = params.default_state
+        """The state at the last update."""
+        self.changes: list[tuple[float, bool]] = []
+        """Times (s) of the last changes of the state, and the states, the oldest first."""
+
+    def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
+        """Follow the mask at the robot; return the bounds unchanged."""
+        if self.params.enabled and self.mask is not None:
+            state = self.state_at(robot.x, robot.y)
+            if state != self.state:
+                self.state = state
+                self.changes = [*self.changes[1 - MAX_CHANGES :], (now, state)]
+        return bounds
+
+    def update_costs(self, master: Costmap, window: Window) -> None:
+        """Write no costs."""
+
+    def state_at(self, x: float, y: float) -> bool:
+        """Return the state of a robot that enters a point (m) of the costmap's frame now."""
+        value = self._raw_value(x, y)
+        if value is None:
+            return bool(self.params.default_state)
+        if value < 0:
+            return self.state
+        above = self.params.base + self.params.multiplier * value > self.params.flip_threshold
+        return above != self.params.default_state
+
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
+        """Explain the state at the cell."""
+        value = self.value_at(*master.geometry.cell_to_world(ix, iy))
+        state = "on" if self.state_at(*master.geometry.cell_to_world(ix, iy)) else "off"
+        if value is None:
+            return CellExplanation(None, f"no mask value here; the state would be {state}")
+        return CellExplanation(
+            None, f"mask value {value}: the state is {state}", source="mask", data={"mask_value": value}
+        )
+
+
+MAX_CHANGES: Final = 1000
+"""Changes of a binary state that are kept."""
 
 
 def mask_costs(mask: OccupancyGrid) -> NDArray[np.uint8]:

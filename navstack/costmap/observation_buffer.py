@@ -129,8 +129,8 @@ MAX_POINTS: Final = 10_000_000
 """Largest number of beams or points of a valid message."""
 
 
-class ObservationSourceParams(ParamModel):
-    """One source of an obstacle or voxel layer: `<layer>/<source>:`."""
+class CommonSourceParams(ParamModel):
+    """What the sources of all obstacle layers have in common."""
 
     topic: str = param("", "topic of the messages; the source's name if empty")
     sensor_frame: str = param("", "frame of the sensor's origin; the message's frame if empty")
@@ -151,38 +151,32 @@ class ObservationSourceParams(ParamModel):
     inf_is_valid: bool = param(False, "beams without a hit clear the space up to range_max (LaserScan)")
     clearing: bool = param(False, "clear the space between sensor and points")
     marking: bool = param(True, "mark the points as obstacles")
+
+
+class ObservationSourceParams(CommonSourceParams):
+    """One source of an obstacle or voxel layer: `<layer>/<source>:`."""
+
     obstacle_range: float = param(2.5, "points farther away are not marked", unit="m", ge=0.0)
     raytrace_range: float = param(3.0, "space farther away is not cleared", unit="m", ge=0.0)
 
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"obstacle_range", "raytrace_range"})
+    RANGES: ClassVar[tuple[str, str]] = ("obstacle_range", "raytrace_range")
+    """Names of the largest distances of marking and clearing."""
+
+    obstacle_min_range: ClassVar[float] = 0.0
+    raytrace_min_range: ClassVar[float] = 0.0
 
 
-class Nav2ObservationSourceParams(ParamModel):
+class Nav2ObservationSourceParams(CommonSourceParams):
     """One source of Nav2's obstacle or voxel layer: `<layer>/<source>:`."""
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         "transport_type": "messages are received as they are",
     }
+    RANGES: ClassVar[tuple[str, str]] = ("obstacle_max_range", "raytrace_max_range")
 
-    topic: str = param("", "topic of the messages; the source's name if empty")
-    sensor_frame: str = param("", "frame of the sensor's origin; the message's frame if empty")
-    observation_persistence: float = param(0.0, "lifetime of an observation; 0 = only the latest", unit="s", ge=0.0)
-    expected_update_rate: float = param(
-        0.0, "longest time between two messages (a period, despite its name); 0 = no limit", unit="s", ge=0.0
-    )
-    min_valid_share: float = param(
-        0.1,
-        "share of a message's beams or points that must be valid; a message with fewer does not count for "
-        "expected_update_rate; 0 = every message counts; not a parameter of Nav2",
-        ge=0.0,
-        le=1.0,
-    )
     data_type: Literal["PointCloud2", "LaserScan"] = param("LaserScan", "type of the messages")
-    min_obstacle_height: float = param(0.0, "points below are ignored", unit="m")
     max_obstacle_height: float = param(0.0, "points above are ignored: a source must set it", unit="m")
-    inf_is_valid: bool = param(False, "beams without a hit clear the space up to range_max (LaserScan)")
-    clearing: bool = param(False, "clear the space between sensor and points")
-    marking: bool = param(True, "mark the points as obstacles")
     obstacle_max_range: float = param(2.5, "points farther away are not marked", unit="m", ge=0.0)
     obstacle_min_range: float = param(0.0, "points nearer are not marked", unit="m", ge=0.0)
     raytrace_max_range: float = param(3.0, "space farther away is not cleared", unit="m", ge=0.0)
@@ -204,9 +198,9 @@ SourceParams = ObservationSourceParams | Nav2ObservationSourceParams
 
 
 class Observation:
-    """Points (n, 3) float32 in the costmap's frame, seen from `x, y, z` (m) at `stamp` (s)."""
+    """Points (n, 3) float32 in the costmap's frame, seen from `x, y, z` (m) with the heading `yaw` (rad) at `stamp` (s)."""
 
-    __slots__ = ("count", "points", "serial", "source", "stamp", "x", "y", "z")
+    __slots__ = ("count", "points", "serial", "source", "stamp", "x", "y", "yaw", "z")
 
     def __init__(
         self, source: ObservationBuffer, points: NDArray[np.float32], count: int, origin: tuple[float, float, float]
@@ -215,6 +209,7 @@ class Observation:
         self.points = points
         self.count = count
         self.x, self.y, self.z = origin
+        self.yaw = 0.0
         self.stamp = 0.0
         self.serial = 0
 
@@ -226,7 +221,9 @@ class ObservationBuffer:
     uses one scan in ten.
     """
 
-    def __init__(self, name: str, params: SourceParams, *, frame: str, frames: FrameTree, tolerance_s: float) -> None:
+    def __init__(
+        self, name: str, params: CommonSourceParams, *, frame: str, frames: FrameTree, tolerance_s: float
+    ) -> None:
         self.name = name
         self.params = params
         self.topic = (params.topic or name).removeprefix("/")
@@ -263,12 +260,12 @@ class ObservationBuffer:
     )
     """Parameters that may change at run time."""
 
-    def may_become(self, params: SourceParams) -> bool:
+    def may_become(self, params: CommonSourceParams) -> bool:
         """Return True if the parameters differ in `LIVE` only."""
         old = self.params
         return all(name in self.LIVE or getattr(old, name) == getattr(params, name) for name in type(old).model_fields)
 
-    def set_params(self, params: SourceParams) -> None:
+    def set_params(self, params: CommonSourceParams) -> None:
         """Replace the parameters; they differ in `LIVE` only."""
         self.params = params
         self._height = math.nan
@@ -421,6 +418,7 @@ class ObservationBuffer:
             points, count = self._cloud_points(data, at)
             height = 0.0
         observation = Observation(self, points, count, (origin.x, origin.y, height))
+        observation.yaw = origin.yaw
         observation.stamp = data.stamp
         return observation
 

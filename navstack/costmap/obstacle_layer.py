@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Final, cast
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from navstack.costmap.observation_buffer import (
     Observation,
     ObservationBuffer,
     ObservationSourceParams,
+    SourceParams,
 )
 from navstack.costmap.windows import (
     clear_region,
@@ -60,8 +61,15 @@ from navstack.plugins import (
 # pyright: basic
 
 
-GRID = np.dtype([("origin_x", "f8"), ("origin_y", "f8"), ("resolution", "f8"), ("max_height", "f8")], align=True)
-"""Settings of the kernels below: the grid (m, m per cell), and the height above which points are ignored (m)."""
+GRID = np.dtype(
+    [
+        *[(name, "f8") for name in ("origin_x", "origin_y", "resolution", "max_height", "min_height")],
+        ("in_plane", "i8"),
+    ],
+    align=True,
+)
+"""Settings of the kernels below: the grid (m, m per cell), the heights between which points count (m), and whether distances are
+those of the plane and include their limits (Nav2)."""
 
 
 @kernel
@@ -106,10 +114,11 @@ def line_ends(points, grid, sensor, reach, size, ends, cells):
 
 
 @kernel
-def clear_rays(costs, points, count, grid, sx, sy, reach, reach_cells, bounds):
-    """Clear the cells between the sensor at (sx, sy) and each point, up to `reach` (m; `reach_cells` in cells); grow `bounds`.
+def clear_rays(costs, points, count, grid, sx, sy, nearest, reach, bounds):
+    """Clear the cells between the sensor at (sx, sy) and each point, from `nearest` (m) up to `reach` (m); grow `bounds`.
 
-    Points outside the map are moved along their ray onto its border (costmap_2d/plugins/obstacle_layer.cpp). Returns False if
+    Points outside the map are moved along their ray onto its border (costmap_2d/plugins/obstacle_layer.cpp). With `nearest`, as
+    in Nav2, the line begins at the cell that far along the ray, and is as long as that to `reach` would be. Returns False if
     the sensor is outside the map. `grid`: a record of `GRID`.
     """
     ny, nx = costs.shape
@@ -120,6 +129,7 @@ def clear_rays(costs, points, count, grid, sx, sy, reach, reach_cells, bounds):
     if not (fx < nx and fy < ny):
         return False
     x0, y0 = int(fx), int(fy)
+    nearest_cells, reach_cells = np.ceil(nearest / resolution), np.ceil(reach / resolution)
     flat = costs.reshape(-1)
     ends, cells = np.empty((2, count)), np.empty((3, count), np.int32)
     line_ends(points, grid, (sx, sy), reach, (float(nx), float(ny)), ends, cells)
@@ -128,123 +138,60 @@ def clear_rays(costs, points, count, grid, sx, sy, reach, reach_cells, bounds):
     for i in range(count):
         if cells[2, i] == 0:
             continue
-        min_x, min_y = min(min_x, ends[0, i]), min(min_y, ends[1, i])
-        max_x, max_y = max(max_x, ends[0, i]), max(max_y, ends[1, i])
+        if nearest == 0.0 or math.hypot(ends[0, i] - sx, ends[1, i] - sy) >= nearest:
+            min_x, min_y = min(min_x, ends[0, i]), min(min_y, ends[1, i])
+            max_x, max_y = max(max_x, ends[0, i]), max(max_y, ends[1, i])
         x1, y1 = np.int64(cells[0, i]), np.int64(cells[1, i])
         # a ray depends on its two end cells only: adjacent beams often end in the same cell
         if x1 != last_x or y1 != last_y:
-            clear_line(flat, nx, x0, y0, x1, y1, reach_cells)
+            clear_line(flat, nx, x0, y0, x1, y1, nearest_cells, reach_cells)
             last_x, last_y = x1, y1
     bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
     return True
 
 
 @kernel
-def mark_points(costs, serials, serial, points, count, grid, sx, sy, sz, reach, bounds):
-    """Mark the cells of the points closer than `reach` (m, 3-D) as lethal, with the observation's `serial`; grow `bounds`.
+def mark_points(costs, serials, serial, points, count, grid, sx, sy, sz, nearest, reach, bounds):
+    """Mark the cells of the points between `nearest` and `reach` (m) as lethal, with the observation's `serial`; grow `bounds`.
 
-    `grid`: a record of `GRID`.
+    `grid`: a record of `GRID`. Distances are those in space, and `reach` is excluded; or, by `in_plane`, those in the plane,
+    their limits included, of the points and of the cells, and a sensor outside the map marks nothing.
     """
     ny, nx = costs.shape
-    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
-    max_height = grid[0].max_height
+    g = grid[0]
+    origin_x, origin_y, resolution, bottom, top = g.origin_x, g.origin_y, g.resolution, g.min_height, g.max_height
+    in_plane = g.in_plane != 0
+    x0 = y0 = 0
+    if in_plane:
+        fx, fy = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+        if not (sx >= origin_x and sy >= origin_y and fx < nx and fy < ny):
+            return
+        x0, y0 = int(fx), int(fy)
+    nearest_cells, reach_cells = np.ceil(nearest / resolution), np.ceil(reach / resolution)
     min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
-    reach_squared = reach * reach
+    nearest_squared, reach_squared = nearest * nearest, reach * reach
     for i in range(count):
         px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy) + (pz - sz) * (pz - sz)
-        if not (squared < reach_squared) or pz > max_height or px < origin_x or py < origin_y:
+        up = 0.0 if in_plane else pz - sz
+        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy) + up * up
+        if not (squared <= reach_squared) or squared < nearest_squared or pz > top or pz < bottom:
+            continue
+        if px < origin_x or py < origin_y:
             continue
         fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
         if not (fx < nx and fy < ny):
             continue
         ix, iy = int(fx), int(fy)
+        if in_plane:
+            away = int(math.hypot(ix - x0, iy - y0))
+            if away > reach_cells or away < nearest_cells:
+                continue
+        elif squared == reach_squared:
+            continue
         costs[iy, ix] = 254
         serials[iy, ix] = serial
         min_x, min_y, max_x, max_y = min(min_x, px), min(min_y, py), max(max_x, px), max(max_y, py)
     bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
-
-
-@kernel
-def clear_rays_beyond(costs, points, count, grid, sx, sy, reach, reach_cells, nearest, nearest_cells, bounds):
-    """As `clear_rays`, from `nearest` (m; `nearest_cells` in cells) on (Nav2).
-
-    As in Nav2, the line begins at the cell that many cells along the ray, and is as long as that to `reach` would be.
-    """
-    ny, nx = costs.shape
-    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
-    if not (sx >= origin_x and sy >= origin_y):
-        return False
-    fx, fy = (sx - origin_x) / resolution, (sy - origin_y) / resolution
-    if not (fx < nx and fy < ny):
-        return False
-    x0, y0 = int(fx), int(fy)
-    flat = costs.reshape(-1)
-    ends, cells = np.empty((2, count)), np.empty((3, count), np.int32)
-    line_ends(points, grid, (sx, sy), reach, (float(nx), float(ny)), ends, cells)
-    bounds[0], bounds[1] = min(bounds[0], sx), min(bounds[1], sy)
-    bounds[2], bounds[3] = max(bounds[2], sx), max(bounds[3], sy)
-    for i in range(count):
-        if cells[2, i] == 0:
-            continue
-        ex, ey = ends[0, i], ends[1, i]
-        if math.hypot(ex - sx, ey - sy) >= nearest:
-            bounds[0], bounds[1] = min(bounds[0], ex), min(bounds[1], ey)
-            bounds[2], bounds[3] = max(bounds[2], ex), max(bounds[3], ey)
-        x1, y1 = np.int64(cells[0, i]), np.int64(cells[1, i])
-        length = math.hypot(x1 - x0, y1 - y0)
-        if length < nearest_cells:
-            continue
-        first_x, first_y = x0, y0
-        if length > 0.0:
-            first_x = int(x0 + (x1 - x0) / length * nearest_cells)
-            first_y = int(y0 + (y1 - y0) / length * nearest_cells)
-        line = line_start(first_x, first_y, x1, y1, nx)
-        steps = line[0]
-        if length > reach_cells:
-            steps = int(reach_cells / length * line[0])
-        cell, error = first_y * nx + first_x, line[0] // 2
-        for _ in range(steps + 1):
-            flat[cell] = 0
-            cell, error = line_next(cell, error, line)
-    return True
-
-
-@kernel
-def mark_points_within(costs, serials, serial, points, count, grid, heights, sx, sy, ranges, range_cells, bounds):
-    """Mark the cells of the points within `ranges` (m, nearest and farthest, in 2-D) and `range_cells` (cells) as lethal (Nav2).
-
-    `heights`: lowest and highest (m). Nothing is marked if the sensor is outside the map. Grows `bounds`.
-    """
-    ny, nx = costs.shape
-    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
-    bottom, top = heights
-    nearest, farthest = ranges
-    nearest_cells, farthest_cells = range_cells
-    if not (sx >= origin_x and sy >= origin_y):
-        return
-    fx, fy = (sx - origin_x) / resolution, (sy - origin_y) / resolution
-    if not (fx < nx and fy < ny):
-        return
-    x0, y0 = int(fx), int(fy)
-    for i in range(count):
-        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        if pz < bottom or pz > top or not (px >= origin_x and py >= origin_y):
-            continue
-        fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
-        if not (fx < nx and fy < ny):
-            continue
-        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy)
-        if squared > farthest * farthest or squared < nearest * nearest:
-            continue
-        ix, iy = int(fx), int(fy)
-        away = int(math.hypot(ix - x0, iy - y0))
-        if away > farthest_cells or away < nearest_cells:
-            continue
-        costs[iy, ix] = 254
-        serials[iy, ix] = serial
-        bounds[0], bounds[1] = min(bounds[0], px), min(bounds[1], py)
-        bounds[2], bounds[3] = max(bounds[2], px), max(bounds[3], py)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -423,12 +370,12 @@ class MarkLog:
 OVERWRITE, MAXIMUM, KNOWN_MAXIMUM = 0, 1, 2
 
 
-class ObstacleLayerParams(ParamModel):
-    """`<costmap>/obstacle_layer:` of type costmap_2d::ObstacleLayer."""
+class _SensedLayerParams(ParamModel):
+    """What the obstacle layers of ROS 1 and Nav2 have in common."""
 
     enabled: bool = param(True, "apply this layer")
     footprint_clearing_enabled: bool = param(True, "clear the cells under the robot's footprint")
-    max_obstacle_height: float = param(2.0, "points above are ignored", unit="m", ge=0.0, le=50.0)
+    max_obstacle_height: float = param(2.0, "points above are ignored", unit="m")
     combination_method: int = param(
         1, "0 overwrites the layers below, 1 takes the larger cost, 99 writes nothing", ge=0, le=99
     )
@@ -437,41 +384,57 @@ class ObstacleLayerParams(ParamModel):
     )
     transform_tolerance: float = param(0.2, "time tolerance of a message's transform", unit="s", ge=0.0)
     observation_sources: str = param("", "names of the sources, separated by spaces")
-    obstacle_range: float = param(2.5, "default of the sources: points farther away are not marked", unit="m")
-    raytrace_range: float = param(3.0, "default of the sources: space farther away is not cleared", unit="m")
-    sources: dict[str, ObservationSourceParams] = param({}, "parameters of the sources, by name")
+    sources: dict[str, SourceParams] = param({}, "parameters of the sources, by name")
 
     CHILD_FIELD: ClassVar[str | None] = "sources"
-    CLAMPED: ClassVar[frozenset[str]] = frozenset({"max_obstacle_height"})
-    FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
-        {"max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space"}
-    )
+    SOURCE: ClassVar[type[ParamModel]]
+    """Model of a source."""
+
+    @property
+    def lowest(self) -> float:
+        """Height below which the layer marks no point (m)."""
+        return -math.inf
 
     @classmethod
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
         """One namespace for each name in `observation_sources`."""
-        return dict.fromkeys(str(values.get("observation_sources", "")).split(), ObservationSourceParams)
+        return dict.fromkeys(str(values.get("observation_sources", "")).split(), cls.SOURCE)
 
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield sources whose marks are never cleared or whose points are all dropped."""
         del context
         for name, source in self.sources.items():
+            marked, cleared = source.RANGES
             if source.marking and source.obstacle_range > source.raytrace_range:
                 message = (
-                    f"obstacle_range = {source.obstacle_range:g} m of the source {name} exceeds its raytrace_range = "
-                    f"{source.raytrace_range:g} m, so obstacles marked between the two are never cleared; set raytrace_range "
+                    f"{marked} = {source.obstacle_range:g} m of the source {name} exceeds its {cleared} = "
+                    f"{source.raytrace_range:g} m, so obstacles marked between the two are never cleared; set {cleared} "
                     "to the larger value"
                 )
-                yield Issue(
-                    "warning", "marks-beyond-clearing", (f"{name}/obstacle_range", f"{name}/raytrace_range"), message
-                )
+                yield Issue("warning", "marks-beyond-clearing", (f"{name}/{marked}", f"{name}/{cleared}"), message)
+            bottom = max(source.min_obstacle_height, self.lowest)
             top = min(source.max_obstacle_height, self.max_obstacle_height)
-            if source.min_obstacle_height > top:
+            if bottom > top:
                 message = (
-                    f"the source {name} drops every point: min_obstacle_height {source.min_obstacle_height:g} m is above "
-                    f"max_obstacle_height {top:g} m (the lower one of source and layer); correct one of the heights"
+                    f"the source {name} drops every point: min_obstacle_height {bottom:g} m is above max_obstacle_height "
+                    f"{top:g} m (the stricter ones of source and layer); correct one of the heights"
                 )
                 yield Issue("warning", "drops-every-point", (f"{name}/min_obstacle_height",), message)
+
+
+class ObstacleLayerParams(_SensedLayerParams):
+    """`<costmap>/obstacle_layer:` of type costmap_2d::ObstacleLayer."""
+
+    max_obstacle_height: float = param(2.0, "points above are ignored", unit="m", ge=0.0, le=50.0)
+    obstacle_range: float = param(2.5, "default of the sources: points farther away are not marked", unit="m")
+    raytrace_range: float = param(3.0, "default of the sources: space farther away is not cleared", unit="m")
+    sources: dict[str, ObservationSourceParams] = param({}, "parameters of the sources, by name")
+
+    SOURCE: ClassVar[type[ParamModel]] = ObservationSourceParams
+    CLAMPED: ClassVar[frozenset[str]] = frozenset({"max_obstacle_height"})
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
+        {"max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space"}
+    )
 
 
 @LAYERS.register("obstacle", aliases=("costmap_2d/ObstacleLayer",))
@@ -640,7 +603,9 @@ class ObstacleLayer(Layer):
 
     def _combine(self, master: Costmap, window: Window) -> None:
         """Write the costs into the master grid by the combination method."""
-        if self.params.combination_method == MAXIMUM:
+        if self.AS_NAV2:
+            combine_as_nav2(self.params.combination_method, master, self.costs, window)
+        elif self.params.combination_method == MAXIMUM:
             self._combine_max(master.data, self.costs, *window)
         elif self.params.combination_method == OVERWRITE:
             combine_overwrite(master.data, self.costs, *window)
@@ -712,6 +677,7 @@ class ObstacleLayer(Layer):
             self.costs = costs
 
     def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
+        source: Any = seen.source.params
         self._mark_points(
             self.costs,
             self.marks,
@@ -722,7 +688,8 @@ class ObstacleLayer(Layer):
             seen.x,
             seen.y,
             seen.z,
-            seen.source.params.obstacle_range,
+            source.obstacle_min_range,
+            source.obstacle_range,
             box,
         )
 
@@ -755,66 +722,44 @@ class ObstacleLayer(Layer):
         return {}
 
     def _setting_values(self, g: GridGeometry, params: Any) -> tuple[Any, ...]:
-        return g.origin_x, g.origin_y, g.resolution, params.max_obstacle_height
+        return g.origin_x, g.origin_y, g.resolution, params.max_obstacle_height, params.lowest, self.AS_NAV2
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
-        reach = seen.source.params.raytrace_range
-        cells = cells_in(reach, self.geometry.resolution)
+        source: Any = seen.source.params
         settings = self._kernel_settings()
-        return self._clear_rays(self.costs, seen.points, seen.count, settings, seen.x, seen.y, reach, cells, box)
+        nearest, reach = source.raytrace_min_range, source.raytrace_range
+        return self._clear_rays(self.costs, seen.points, seen.count, settings, seen.x, seen.y, nearest, reach, box)
 
 
-class Nav2ObstacleLayerParams(ParamModel):
+class Nav2ObstacleLayerParams(_SensedLayerParams):
     """Parameters of Nav2's obstacle layer."""
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         "tf_filter_tolerance": "a message waits for its transform, at most transform_tolerance late",
     }
 
-    enabled: bool = param(True, "apply this layer")
-    footprint_clearing_enabled: bool = param(True, "clear the cells under the robot's footprint")
     min_obstacle_height: float = param(0.0, "points below are ignored", unit="m")
-    max_obstacle_height: float = param(2.0, "points above are ignored", unit="m")
     combination_method: int = param(
         1,
         "0 overwrites the layers below, 1 takes the larger cost, 2 the larger cost in known cells of the layers below; another "
         "value counts as 1, as in Nav2",
     )
-    track_unknown_space: bool | None = param(
-        None, "unobserved cells are unknown instead of free; the costmap's own setting if absent"
-    )
     transform_tolerance: float = param(0.3, "time tolerance of a message's transform", unit="s", ge=0.0)
-    observation_sources: str = param("", "names of the sources, separated by spaces")
     sources: dict[str, Nav2ObservationSourceParams] = param({}, "parameters of the sources, by name")
 
-    CHILD_FIELD: ClassVar[str | None] = "sources"
+    SOURCE: ClassVar[type[ParamModel]] = Nav2ObservationSourceParams
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset({"track_unknown_space", "transform_tolerance"})
 
-    @classmethod
-    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
-        """One namespace for each name in `observation_sources`."""
-        return dict.fromkeys(str(values.get("observation_sources", "")).split(), Nav2ObservationSourceParams)
+    @property
+    def lowest(self) -> float:
+        """`min_obstacle_height` (m)."""
+        return self.min_obstacle_height
 
-    def check(self, context: CheckContext) -> Iterator[Issue]:
-        """Yield sources whose marks are never cleared or whose points are all dropped."""
-        del context
-        for name, source in self.sources.items():
-            if source.marking and source.obstacle_max_range > source.raytrace_max_range:
-                message = (
-                    f"obstacle_max_range = {source.obstacle_max_range:g} m of the source {name} exceeds its raytrace_max_range = "
-                    f"{source.raytrace_max_range:g} m, so obstacles marked between the two are never cleared; set "
-                    "raytrace_max_range to the larger value"
-                )
-                keys = (f"{name}/obstacle_max_range", f"{name}/raytrace_max_range")
-                yield Issue("warning", "marks-beyond-clearing", keys, message)
-            bottom = max(source.min_obstacle_height, self.min_obstacle_height)
-            top = min(source.max_obstacle_height, self.max_obstacle_height)
-            if bottom > top:
-                message = (
-                    f"the source {name} drops every point: min_obstacle_height {bottom:g} m is above max_obstacle_height "
-                    f"{top:g} m (the stricter ones of source and layer); correct one of the heights"
-                )
-                yield Issue("warning", "drops-every-point", (f"{name}/min_obstacle_height",), message)
+
+NAV2_LIVE: Final = frozenset(
+    {"enabled", "footprint_clearing_enabled", "min_obstacle_height", "max_obstacle_height", "combination_method"}
+)
+"""Parameters of Nav2's obstacle layers that may change at run time."""
 
 
 @LAYERS.register("nav2_obstacle", aliases=("nav2_costmap_2d/ObstacleLayer",))
@@ -827,54 +772,7 @@ class Nav2ObstacleLayer(ObstacleLayer):
 
     Params: ClassVar[type[ParamModel]] = Nav2ObstacleLayerParams
     AS_NAV2 = True
-    LIVE: ClassVar[frozenset[str]] = frozenset(
-        {"enabled", "footprint_clearing_enabled", "min_obstacle_height", "max_obstacle_height", "combination_method"}
-    )
-
-    def _combine(self, master: Costmap, window: Window) -> None:
-        combine_as_nav2(self.params.combination_method, master, self.costs, window)
-
-    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
-        p, source, resolution = self.params, nav2_source(seen), self.geometry.resolution
-        nearest, farthest = source.obstacle_min_range, source.obstacle_max_range
-        mark_points_within(
-            self.costs,
-            self.marks,
-            seen.serial,
-            seen.points,
-            seen.count,
-            self._kernel_settings(),
-            (p.min_obstacle_height, p.max_obstacle_height),
-            seen.x,
-            seen.y,
-            (nearest, farthest),
-            (cells_in(nearest, resolution), cells_in(farthest, resolution)),
-            box,
-        )
-
-    def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
-        nearest, reach = nav2_source(seen).raytrace_min_range, nav2_source(seen).raytrace_max_range
-        if nearest == 0.0:
-            return super()._clear(seen, box)
-        resolution, settings = self.geometry.resolution, self._kernel_settings()
-        return clear_rays_beyond(
-            self.costs,
-            seen.points,
-            seen.count,
-            settings,
-            seen.x,
-            seen.y,
-            reach,
-            cells_in(reach, resolution),
-            nearest,
-            cells_in(nearest, resolution),
-            box,
-        )
-
-
-def nav2_source(seen: Observation) -> Nav2ObservationSourceParams:
-    """Return the parameters of the source of an observation, in a layer of Nav2."""
-    return cast("Nav2ObservationSourceParams", seen.source.params)
+    LIVE: ClassVar[frozenset[str]] = NAV2_LIVE
 
 
 def combine_as_nav2(method: int, master: Costmap, costs: NDArray[np.uint8], window: Window) -> None:
@@ -883,8 +781,3 @@ def combine_as_nav2(method: int, master: Costmap, costs: NDArray[np.uint8], wind
         combine_overwrite if method == OVERWRITE else combine_known_max if method == KNOWN_MAXIMUM else combine_max
     )
     combine(master.data, costs, *window)
-
-
-def cells_in(distance: float, resolution: float) -> float:
-    """Return a distance (m) in cells, rounded up (costmap_2d's cellDistance)."""
-    return float(max(0, math.ceil(distance / resolution)))

@@ -8,15 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import FIXED, Costmap, GridGeometry, Window, kernel
+from navstack.core import FIXED, GridGeometry, kernel
 from navstack.costmap.observation_buffer import Observation
 from navstack.costmap.obstacle_layer import (
+    NAV2_LIVE,
     Nav2ObstacleLayerParams,
     ObstacleLayer,
     ObstacleLayerParams,
-    cells_in,
-    combine_as_nav2,
-    nav2_source,
 )
 from navstack.plugins import LAYERS, LayerContext, ParamModel, param
 
@@ -148,12 +146,12 @@ def ray_ends(points, grid, sensor, reach, size, ends, cells):
 
 
 @kernel
-def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, bounds):
+def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, nearest, reach, bounds):
     """Clear the voxels between the sensor at (sx, sy, sz) and each point, and set the cost of each column on the way.
 
     Rays are shortened by two cells, then clipped to the map and the heights (costmap_2d/plugins/voxel_layer.cpp,
-    voxel_grid.h); they end at `reach` (m; `reach_cells` in cells). Grows `bounds`. Returns False if the sensor is outside the
-    map. `grid`: a record of `VOXEL_GRID`.
+    voxel_grid.h); they begin at `nearest` (m; Nav2) and end at `reach` (m). Grows `bounds`. Returns False if the sensor is
+    outside the map. `grid`: a record of `VOXEL_GRID`.
     """
     ny, nx = costs.shape
     g = grid[0]
@@ -172,6 +170,7 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
     if not (x0 < nx and y0 < ny and z0 < levels):
         return False
     ix0, iy0, iz0 = int(x0), int(y0), int(z0)
+    nearest_cells, reach_cells = np.ceil(nearest / resolution), np.ceil(reach / resolution)
     flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
     level_mask = (1 << levels) - 1
     ends, cells = np.empty((6, count)), np.empty((4, count), np.int32)
@@ -181,16 +180,24 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
     for i in range(count):
         if cells[3, i] == 0:
             continue
-        min_x, min_y = min(min_x, ends[0, i]), min(min_y, ends[1, i])
-        max_x, max_y = max(max_x, ends[0, i]), max(max_y, ends[1, i])
+        if nearest == 0.0 or math.hypot(ends[0, i] - sx, ends[1, i] - sy) >= nearest:
+            min_x, min_y = min(min_x, ends[0, i]), min(min_y, ends[1, i])
+            max_x, max_y = max(max_x, ends[0, i]), max(max_y, ends[1, i])
+        length = ends[2, i]
+        if nearest > 0.0:
+            # the line begins in the voxel that far along the ray
+            if int(length) < nearest_cells:
+                continue
+            ix0 = int(x0 + (ends[3, i] - x0) / length * nearest_cells)
+            iy0 = int(y0 + (ends[4, i] - y0) / length * nearest_cells)
+            iz0 = int(z0 + (ends[5, i] - z0) / length * nearest_cells)
         ix1, iy1, iz1 = np.int64(cells[0, i]), np.int64(cells[1, i]), np.int64(cells[2, i])
         span_x, span_y, span_z = abs(ix1 - ix0), abs(iy1 - iy0), abs(iz1 - iz0)
         dominant = max(span_x, span_y, span_z)
-        length = ends[2, i]
         steps = dominant
         if length > reach_cells:
             steps = int(reach_cells / length * dominant)
-        elif ix1 == last_x and iy1 == last_y and iz1 == last_z:
+        elif nearest == 0.0 and ix1 == last_x and iy1 == last_y and iz1 == last_z:
             continue  # same voxels as the previous beam
         else:
             last_x, last_y, last_z = ix1, iy1, iz1
@@ -271,76 +278,23 @@ def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, nearest
     bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
 
 
-@kernel
-def clear_voxel_rays_beyond(
-    costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, nearest, nearest_cells, bounds
-):
-    """As `clear_voxel_rays`, from `nearest` (m; `nearest_cells` in cells) on (Nav2).
-
-    A line begins that many cells along its ray.
-    """
-    ny, nx = costs.shape
-    g = grid[0]
-    origin_x, origin_y, origin_z = g.origin_x, g.origin_y, g.origin_z
-    resolution, z_resolution = g.resolution, g.z_resolution
-    levels, mark_threshold, unknown_threshold = g.levels, g.mark_threshold, g.unknown_threshold
-    if not (sx >= origin_x and sy >= origin_y and sz >= origin_z):
-        return False
-    x0, y0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution
-    z0 = (sz - origin_z) / z_resolution
-    if not (x0 < nx and y0 < ny and z0 < levels):
-        return False
-    flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
-    level_mask = (1 << levels) - 1
-    ends, cells = np.empty((6, count)), np.empty((4, count), np.int32)
-    ray_ends(points, grid, (sx, sy, sz), reach, (float(nx), float(ny)), ends, cells)
-    for i in range(count):
-        if cells[3, i] == 0:
-            continue
-        if math.hypot(ends[0, i] - sx, ends[1, i] - sy) >= nearest:
-            bounds[0], bounds[1] = min(bounds[0], ends[0, i]), min(bounds[1], ends[1, i])
-            bounds[2], bounds[3] = max(bounds[2], ends[0, i]), max(bounds[3], ends[1, i])
-        length = ends[2, i]
-        if int(length) < nearest_cells:
-            continue
-        ix0, iy0, iz0 = int(x0), int(y0), int(z0)
-        if length > 0.0:
-            ix0 = int(x0 + (ends[3, i] - x0) / length * nearest_cells)
-            iy0 = int(y0 + (ends[4, i] - y0) / length * nearest_cells)
-            iz0 = int(z0 + (ends[5, i] - z0) / length * nearest_cells)
-        ix1, iy1, iz1 = np.int64(cells[0, i]), np.int64(cells[1, i]), np.int64(cells[2, i])
-        span_x, span_y, span_z = abs(ix1 - ix0), abs(iy1 - iy0), abs(iz1 - iz0)
-        dominant = max(span_x, span_y, span_z)
-        steps = int(reach_cells / length * dominant) if length > reach_cells else dominant
-        step_x, step_y, step_z = 1 if ix1 > ix0 else -1, nx if iy1 > iy0 else -nx, 1 if iz1 > iz0 else -1
-        error_x = error_y = error_z = dominant // 2
-        offset, level = iy0 * nx + ix0, iz0
-        for _ in range(steps + 1):
-            word = (int(flat_columns[offset]) | (1 << level)) & ~(1 << (level + levels))
-            flat_columns[offset] = word
-            marked = (word >> levels) & level_mask
-            if bits_set(marked) <= mark_threshold:
-                known = bits_set(level_mask & ~(word | marked)) <= unknown_threshold
-                flat_costs[offset] = 0 if known else 255
-            error_x += span_x
-            error_y += span_y
-            error_z += span_z
-            if error_x >= dominant:
-                error_x -= dominant
-                offset += step_x
-            if error_y >= dominant:
-                error_y -= dominant
-                offset += step_y
-            if error_z >= dominant:
-                error_z -= dominant
-                level += step_z
-    return True
-
-
 LEVELS = 16
 
 
-class VoxelLayerParams(ObstacleLayerParams):
+class _ColumnParams(ParamModel):
+    """What the voxel layers of ROS 1 and Nav2 have in common."""
+
+    origin_z: float = param(0.0, "bottom of the lowest voxel", unit="m")
+    z_resolution: float = param(0.2, "height of a voxel", unit="m", gt=0.0)
+    z_voxels: int = param(10, "voxels per column", ge=0, le=LEVELS)
+    unknown_threshold: int = param(
+        15, "most unknown voxels of a known column, counted as if it had 16 voxels", ge=0, le=LEVELS
+    )
+    mark_threshold: int = param(0, "most marked voxels of a free column", ge=0, le=LEVELS)
+    publish_voxel_map: bool = param(False, "publish the voxels")
+
+
+class VoxelLayerParams(_ColumnParams, ObstacleLayerParams):
     """`<costmap>/obstacle_layer:` of type costmap_2d::VoxelLayer."""
 
     combination_method: int = param(
@@ -352,19 +306,11 @@ class VoxelLayerParams(ObstacleLayerParams):
     )
     origin_z: float = param(0.0, "bottom of the lowest voxel", unit="m", ge=0.0)
     z_resolution: float = param(0.2, "height of a voxel", unit="m", gt=0.0, le=50.0, ros_differs="ROS accepts 0 too")
-    z_voxels: int = param(10, "voxels per column", ge=0, le=LEVELS)
-    unknown_threshold: int = param(
-        15, "most unknown voxels of a known column, counted as if it had 16 voxels", ge=0, le=LEVELS
-    )
-    mark_threshold: int = param(0, "most marked voxels of a free column", ge=0, le=LEVELS)
-    publish_voxel_map: bool = param(False, "publish the voxels")
 
     CLAMPED: ClassVar[frozenset[str]] = frozenset(
         {"max_obstacle_height", "origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold"}
     )
-    FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
-        {"origin_z", "z_resolution", "z_voxels", "mark_threshold", "unknown_threshold", "publish_voxel_map"}
-    )
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset(_ColumnParams.model_fields)
 
 
 @LAYERS.register("voxel", aliases=("costmap_2d/VoxelLayer",))
@@ -419,7 +365,8 @@ class VoxelLayer(ObstacleLayer):
         ends: list[NDArray[np.float64]] = [np.empty((0, 3))]
         g, params = self.geometry, self.params
         for seen in (observation for buffer in self._clearing for observation in buffer.observations):
-            count, reach = seen.count, seen.source.params.raytrace_range
+            source: Any = seen.source.params
+            count, reach = seen.count, source.raytrace_range
             places, cells = np.empty((6, count)), np.empty((4, count), np.int32)
             size = float(g.nx), float(g.ny)
             ray_ends(seen.points[:count], self._kernel_settings(), (seen.x, seen.y, seen.z), reach, size, places, cells)
@@ -451,37 +398,21 @@ class VoxelLayer(ObstacleLayer):
             self.marks = marks
 
     def _setting_values(self, g: GridGeometry, params: Any) -> tuple[Any, ...]:
+        top = params.origin_z + self.levels * params.z_resolution
         return (
             *(g.origin_x, g.origin_y, params.origin_z, g.resolution, params.z_resolution, params.max_obstacle_height),
-            *(-math.inf, params.max_obstacle_height, 0.5, 0.0),
+            *(
+                (params.lowest, top, 0.0, SHORTENED)
+                if self.AS_NAV2
+                else (-math.inf, params.max_obstacle_height, 0.5, 0.0)
+            ),
             *(self.levels, params.mark_threshold, self.unknown_threshold),
         )
-
-    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
-        self._mark_points(
-            self.costs,
-            self.marks,
-            seen.serial,
-            seen.points,
-            seen.count,
-            self._kernel_settings(),
-            seen.x,
-            seen.y,
-            seen.z,
-            self._nearest_mark(seen),
-            seen.source.params.obstacle_range,
-            box,
-        )
-
-    def _nearest_mark(self, seen: Observation) -> float:
-        """Return the distance (m) from which on points are marked."""
-        del seen
-        return 0.0
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
         if seen.count == 0:
             return True
-        reach = seen.source.params.raytrace_range
+        source: Any = seen.source.params
         return self._clear_rays(
             self.costs,
             self.marks,
@@ -491,8 +422,8 @@ class VoxelLayer(ObstacleLayer):
             seen.x,
             seen.y,
             seen.z,
-            reach,
-            cells_in(reach, self.geometry.resolution),
+            source.raytrace_min_range,
+            source.raytrace_range,
             box,
         )
 
@@ -501,17 +432,8 @@ SHORTENED = 1e-5
 """Share of a clipped ray that Nav2 cuts off, so that rounding does not put its end outside the map."""
 
 
-class Nav2VoxelLayerParams(Nav2ObstacleLayerParams):
+class Nav2VoxelLayerParams(_ColumnParams, Nav2ObstacleLayerParams):
     """Parameters of Nav2's voxel layer."""
-
-    origin_z: float = param(0.0, "bottom of the lowest voxel", unit="m")
-    z_resolution: float = param(0.2, "height of a voxel", unit="m", gt=0.0)
-    z_voxels: int = param(10, "voxels per column", ge=0, le=LEVELS)
-    unknown_threshold: int = param(
-        15, "most unknown voxels of a known column, counted as if it had 16 voxels", ge=0, le=LEVELS
-    )
-    mark_threshold: int = param(0, "most marked voxels of a free column", ge=0, le=LEVELS)
-    publish_voxel_map: bool = param(False, "publish the voxels")
 
 
 @LAYERS.register("nav2_voxel", aliases=("nav2_costmap_2d/VoxelLayer",))
@@ -524,41 +446,4 @@ class Nav2VoxelLayer(VoxelLayer):
 
     Params: ClassVar[type[ParamModel]] = Nav2VoxelLayerParams
     AS_NAV2 = True
-    LIVE: ClassVar[frozenset[str]] = frozenset(
-        {"enabled", "footprint_clearing_enabled", "min_obstacle_height", "max_obstacle_height", "combination_method"}
-    )
-
-    def _setting_values(self, g: GridGeometry, params: Any) -> tuple[Any, ...]:
-        top = params.origin_z + self.levels * params.z_resolution
-        return (
-            *(g.origin_x, g.origin_y, params.origin_z, g.resolution, params.z_resolution, params.max_obstacle_height),
-            *(params.min_obstacle_height, top, 0.0, SHORTENED),
-            *(self.levels, params.mark_threshold, self.unknown_threshold),
-        )
-
-    def _combine(self, master: Costmap, window: Window) -> None:
-        combine_as_nav2(self.params.combination_method, master, self.costs, window)
-
-    def _nearest_mark(self, seen: Observation) -> float:
-        return nav2_source(seen).obstacle_min_range
-
-    def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
-        nearest, reach = nav2_source(seen).raytrace_min_range, nav2_source(seen).raytrace_max_range
-        if nearest == 0.0 or seen.count == 0:
-            return super()._clear(seen, box)
-        resolution, settings = self.geometry.resolution, self._kernel_settings()
-        return clear_voxel_rays_beyond(
-            self.costs,
-            self.marks,
-            seen.points,
-            seen.count,
-            settings,
-            seen.x,
-            seen.y,
-            seen.z,
-            reach,
-            cells_in(reach, resolution),
-            nearest,
-            cells_in(nearest, resolution),
-            box,
-        )
+    LIVE: ClassVar[frozenset[str]] = NAV2_LIVE

@@ -55,7 +55,7 @@ class Layers(_Request):
 
     type: Literal["layers"]
     layers: Annotated[
-        list[Literal["global", "local", "scan", "trajectories", "potential", "camera"]], Field(max_length=6)
+        list[Literal["global", "local", "scan", "trajectories", "potential", "camera", "tree"]], Field(max_length=7)
     ]
     rate: Annotated[float, Field(ge=1.0, le=60.0)] = 30.0
 

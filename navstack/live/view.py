@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.behavior_trees import Action, BehaviorTree, Condition, Decorator, Node, Status
 from navstack.core import Costmap, GridGeometry, NavError, Pose2D, Transform2D, Window
 from navstack.costmap import LayeredCostmap
 from navstack.live.messages import Frame
 from navstack.live.session import Session
-from navstack.move_base import plugin_calls
+from navstack.move_base import TreeMoveBase, plugin_calls
 from navstack.plugins import LocalPlanner
 from navstack.record import SteeredBase, copy_changed_window
 from navstack.sim import PedestrianMotion, Shape, SimulatedRobot
@@ -228,10 +231,79 @@ def has_camera(robot: Any) -> bool:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
+# What the behavior tree of a Nav2 robot does.
+
+
+TREE_PERIOD_S: Final = 0.2
+"""Least time between two states of the tree on a page while the robot drives (s)."""
+STATES: Final = {Status.RUNNING: 1, Status.SUCCESS: 2, Status.FAILURE: 3, Status.SKIPPED: 4, Status.IDLE: 5}
+"""States of a node on the page; 0 is a node that never ran, 5 one that was halted."""
+
+
+def tree_of(session: Session) -> BehaviorTree | None:
+    """Return the tree that drives the robot; None for a robot of move_base."""
+    move_base = session.run.move_base
+    return move_base.tree if isinstance(move_base, TreeMoveBase) else None
+
+
+def tree_rows(tree: BehaviorTree) -> dict[str, Any]:
+    """Return the name of a tree and its nodes, parents first: depth, label, kind."""
+    depth = {tree.root.index: 0}
+    for item in tree.nodes:
+        depth |= {child.index: depth[item.index] + 1 for child in item.children}
+    return {"name": tree.name, "nodes": [[depth[item.index], item.label, _kind_of(item)] for item in tree.nodes]}
+
+
+def _kind_of(item: Node) -> str:
+    kinds = {"action": Action, "condition": Condition, "decorator": Decorator}
+    return next((name for name, cls in kinds.items() if isinstance(item, cls)), "control")
+
+
+class TreeView:
+    """The states of the nodes as one page knows them."""
+
+    def __init__(self, timer: Callable[[], float] = time.monotonic) -> None:
+        self._timer = timer
+        self._sent: dict[str, Any] | None = None
+        self._sent_at = -math.inf
+
+    def clear(self) -> None:
+        """Let the next update contain every node."""
+        self._sent, self._sent_at = None, -math.inf
+
+    def update(self, session: Session, tree: BehaviorTree) -> dict[str, Any] | None:
+        """Return the entry of the header if a node changed and the last entry is old enough, or the time stands.
+
+        `nodes`: state, ticks and failures of each node; `messages`: why leaves failed, by index; `recoveries`: their number.
+        """
+        stands = session.paused or session.is_done or session.is_seeking
+        now = self._timer()
+        if not stands and now - self._sent_at < TREE_PERIOD_S:
+            return None
+        found = {
+            "nodes": [[_state_of(item), sum(item.counts[1:]), item.counts[Status.FAILURE]] for item in tree.nodes],
+            "messages": {
+                str(item.index): item.message[:200]
+                for item in tree.nodes
+                if isinstance(item, (Action, Condition)) and item.last is Status.FAILURE and item.message
+            },
+            "recoveries": tree.trace.recovery_count,
+        }
+        if found == self._sent:
+            return None
+        self._sent, self._sent_at = found, now
+        return found
+
+
+def _state_of(item: Node) -> int:
+    return STATES[item.last] if any(item.counts) else 0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 # A frame.
 
 
-LAYERS: Final = ("global", "local", "scan", "trajectories", "potential", "camera")
+LAYERS: Final = ("global", "local", "scan", "trajectories", "potential", "camera", "tree")
 """Layers that a page asks for; the others are always sent."""
 SAMPLES_PER_FRAME: Final = 300
 PLAN_SPACING_M: Final = 0.05
@@ -250,6 +322,8 @@ class SessionView:
         self._grids = {"global": GridView(), "local": GridView()}
         self._potential = PotentialView()
         self._camera = CameraView()
+        self._tree = TreeView()
+        self._tree_shown: BehaviorTree | None = None
         self._event = -1
         self._sampled = -math.inf
         self._cycle = -1
@@ -261,6 +335,8 @@ class SessionView:
                 self._grids[name].clear()
             if name == "camera":
                 self._camera.clear()
+            if name == "tree":
+                self._tree.clear()
             self._known.pop(name, None)
         self.layers = layers
         self._mark = ()
@@ -312,6 +388,7 @@ class SessionView:
         self._if_changed(entries, "interactions", self._interactions())
         self._add_moving(entries)
         self._add_history(entries)
+        self._add_tree(entries)
         self._add_layers(entries, header)
         self._cycle = session.cycles
         return entries
@@ -326,6 +403,8 @@ class SessionView:
         self._known.clear()
         self._restarts = self.session.restarts
         self._event, self._sampled, self._cycle = -1, -math.inf, -1
+        self._tree.clear()
+        self._tree_shown = None
         for grid in self._grids.values():
             grid.clear()
 
@@ -400,6 +479,17 @@ class SessionView:
         local = self.session.run.move_base.local_plan
         if local is not None and local.trajectory is not None and self.session.cycles != self._cycle:
             entries["trajectory"] = _points(local.trajectory, 0.02)
+
+    def _add_tree(self, entries: dict[str, Any]) -> None:
+        """Add the tree once, and the states of its nodes while the page shows them."""
+        tree = tree_of(self.session)
+        if tree is not self._tree_shown or "behavior_tree" not in self._known:
+            self._tree_shown = tree
+            self._if_changed(entries, "behavior_tree", None if tree is None else tree_rows(tree))
+        if tree is not None and "tree" in self.layers:
+            states = self._tree.update(self.session, tree)
+            if states is not None:
+                entries["tree_states"] = states
 
     def _add_layers(self, entries: dict[str, Any], frame: Frame) -> None:
         move_base = self.session.run.move_base

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from navstack.behaviors import BehaviorRunner
+from navstack.behaviors import AssistedTeleop, BehaviorRunner
 from navstack.core import InputError, NavError, Path, Pose2D, Transform2D, Twist2D
 from navstack.move_base.checks import stale_sensors
 from navstack.move_base.control import ControlInputs
@@ -95,6 +95,7 @@ class MotionRunner:
         output: CommandOutput,
         events: EventPublisher,
         is_idle: Callable[[], bool],
+        running_recovery: Callable[[], Behavior | None],
     ) -> None:
         """`is_idle` returns True while no goal is active or waits."""
         self.running: MotionHandle | None = None
@@ -107,6 +108,7 @@ class MotionRunner:
         self._output = output
         self._events = events
         self._is_idle = is_idle
+        self._running_recovery = running_recovery
         self._runner = BehaviorRunner(Schedule, call)
         self._stale_since: float | None = None
         self._count = 0
@@ -149,11 +151,16 @@ class MotionRunner:
         """Drive at a velocity that comes from outside (teleop) until the next command; a running motion is canceled.
 
         With a command multiplexer, teleop overrides an active goal for its time-out. Without one this raises BusyError while a
-        goal is active. Raises InputError for a velocity that is not finite, and the robot's error.
+        goal is active. While `assisted_teleop` runs, it takes the command. Raises InputError for a velocity that is not finite,
+        and the robot's error.
         """
         output = self._output
         if not twist.is_finite():
             raise InputError(f"the command {tuple(twist)} is not finite", command=twist)
+        for behavior in (self._running_recovery(), None if self.running is None else self.running.motion):
+            if isinstance(behavior, AssistedTeleop):
+                behavior.take(twist, output.tick.time)
+                return
         if output.chain is None:
             self._require_idle("a command from outside")
         self.cancel()

@@ -183,6 +183,7 @@ class MoveBase:
             output=self._output,
             events=events,
             is_idle=lambda: self._goal is None and self.server.next is None,
+            running_recovery=lambda: self._recoveries.running,
         )
         """Motions and commands from outside, while no goal is active."""
         self._actions: dict[Action, Callable[[float], None]] = {

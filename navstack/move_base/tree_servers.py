@@ -16,6 +16,8 @@ import numpy as np
 
 from navstack.behavior_trees import ActionState, ActionTicket, StampedPose
 from navstack.behaviors import (
+    AssistedTeleop,
+    AssistedTeleopParams,
     BackUp,
     BackUpParams,
     BehaviorEnd,
@@ -62,6 +64,7 @@ _BEHAVIORS: Final[dict[str, tuple[type[Behavior], type[Any], int]]] = {
     "backup": (BackUp, BackUpParams, 710),
     "back_up": (BackUp, BackUpParams, 710),
     "drive_on_heading": (DriveOnHeading, DriveOnHeadingParams, 720),
+    "assisted_teleop": (AssistedTeleop, AssistedTeleopParams, 730),
     "wait": (Wait, WaitParams, 740),
 }
 """Servers of behaviors: class, parameters, first of their error codes."""

@@ -242,6 +242,17 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
     },
     "costmap layer": {
+        "binary_mask": PluginNames(
+            values="enabled mask base multiplier default_state flip_threshold",
+            others="binary_state_topic",
+        ),
+        "decaying_voxel": PluginNames(
+            values=(
+                "enabled voxel_size voxel_decay decay_model mark_threshold track_unknown_space "
+                "update_footprint_enabled combination_method transform_tolerance observation_sources"
+            ),
+            others=("publish_voxel_map mapping_mode map_save_duration unknown_threshold max_obstacle_height origin_z"),
+        ),
         "denoise": PluginNames(
             values="enabled minimal_group_size group_connectivity_type",
         ),
@@ -263,8 +274,8 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "nav2_obstacle": PluginNames(
             values=(
-                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
-                "combination_method track_unknown_space transform_tolerance observation_sources"
+                "enabled footprint_clearing_enabled max_obstacle_height combination_method "
+                "track_unknown_space transform_tolerance observation_sources min_obstacle_height"
             ),
             others="tf_filter_tolerance",
         ),
@@ -278,8 +289,8 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
         "nav2_voxel": PluginNames(
             values=(
-                "enabled footprint_clearing_enabled min_obstacle_height max_obstacle_height "
-                "combination_method track_unknown_space transform_tolerance observation_sources origin_z "
+                "enabled footprint_clearing_enabled max_obstacle_height combination_method "
+                "track_unknown_space transform_tolerance observation_sources min_obstacle_height origin_z "
                 "z_resolution z_voxels unknown_threshold mark_threshold publish_voxel_map"
             ),
             others="tf_filter_tolerance",
@@ -317,6 +328,10 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
         ),
     },
     "recovery behavior": {
+        "assisted_teleop": PluginNames(
+            values="time_allowance cycle_frequency projection_time simulation_time_step",
+            others="cmd_vel_teleop",
+        ),
         "back_up": PluginNames(
             values=(
                 "time_allowance simulate_ahead_time cycle_frequency disable_collision_checks backup_dist backup_speed"

@@ -7,6 +7,11 @@ from typing import Final
 
 BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "costmap layer": {
+        "binary_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/BinaryFilter"),
+        "decaying_voxel": (
+            "navstack.costmap.decaying_voxel_layer",
+            "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer",
+        ),
         "denoise": ("navstack.costmap.denoise_layer",),
         "inflation": ("navstack.costmap.inflation_layer", "costmap_2d/InflationLayer"),
         "keepout_mask": ("navstack.costmap.mask_layers", "nav2_costmap_2d/KeepoutFilter"),
@@ -146,6 +151,11 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "nav2_feasible": ("navstack.local_planner.path_handlers", "nav2_controller/FeasiblePathHandler"),
     },
     "recovery behavior": {
+        "assisted_teleop": (
+            "navstack.behaviors.assisted_teleop",
+            "nav2_behaviors/AssistedTeleop",
+            "nav2_recoveries/AssistedTeleop",
+        ),
         "back_up": ("navstack.behaviors.straight", "nav2_behaviors/BackUp", "nav2_recoveries/BackUp"),
         "clear_costmap_recovery": ("navstack.behaviors.clear_costmap", "clear_costmap_recovery/ClearCostmapRecovery"),
         "drive_on_heading": (

@@ -14,6 +14,7 @@ BUILT_IN = {
     "clear_costmap_recovery": "clear_costmap_recovery/ClearCostmapRecovery",
     "rotate_recovery": "rotate_recovery/RotateRecovery",
     "move_slow_and_clear": "move_slow_and_clear/MoveSlowAndClear",
+    "assisted_teleop": "nav2_behaviors/AssistedTeleop",
     "back_up": "nav2_behaviors/BackUp",
     "drive_on_heading": "nav2_behaviors/DriveOnHeading",
     "spin": "nav2_behaviors/Spin",

@@ -11,6 +11,8 @@ import pytest
 
 from navstack.core import Footprint, FrameTree, GridGeometry, InputError, Pose2D, RangeReading, Transform2D
 from navstack.costmap import (
+    BinaryMaskLayer,
+    BinaryMaskLayerParams,
     CostmapParams,
     DenoiseLayer,
     DenoiseLayerParams,
@@ -158,6 +160,40 @@ def test_speed_mask() -> None:
     assert [costmap.speed_limit(x + 0.5, 0.5, 2.0) for x in range(5)] == [None, pytest.approx(1.4), None, None, None]
     assert SpeedLimit(70.0, True).of(0.5) == pytest.approx(0.35)
     assert SpeedLimit(0.2, False).of(0.5) == 0.2
+
+
+def test_binary_mask() -> None:
+    """On above the threshold; where the mask is unknown the state stays; outside it is the default."""
+    grid = grid_of("......")
+    grid.data[0] = [0, 50, 51, -1, 100, 0]
+    for default in (False, True):
+        params = BinaryMaskLayerParams(default_state=default)
+        costmap, mask = masked(Plugin("light", BinaryMaskLayer, params), "....\n....\n....")
+        assert isinstance(mask, BinaryMaskLayer) and mask.state is default
+        before = costmap.update_at(Pose2D(0.5, 0.5), 0.0)
+        mask.set_mask(grid)
+        states = []
+        for k, x in enumerate((0.5, 1.5, 2.5, 3.5, 4.5, 7.5, 3.5)):
+            costmap.update_at(Pose2D(x, 0.5), float(k))
+            states.append(mask.state != default)
+        assert states == [False, False, True, True, True, False, False]
+        assert mask.changes == [(2.0, not default), (5.0, default)]
+        assert before is not None and costmap.master.data[0].tolist() == [254, 0, 0, 0]  # it writes nothing
+        told = mask.explain(2, 0, costmap.master)
+        assert told.text == f"mask value 51: the state is {'off' if default else 'on'}" and told.cost is None
+
+
+def test_a_binary_mask_scales_its_values_and_can_be_disabled() -> None:
+    grid = grid_of("....")
+    grid.data[0] = [10, 20, 30, 0]
+    params = BinaryMaskLayerParams(base=100.0, multiplier=-2.0, flip_threshold=60.0)
+    _, mask = masked(Plugin("light", BinaryMaskLayer, params), "....\n....\n....")
+    mask.set_mask(grid)
+    assert [mask.state_at(x + 0.5, 0.5) for x in range(4)] == [True, False, False, True]
+    off, mask = masked(Plugin("light", BinaryMaskLayer, BinaryMaskLayerParams(enabled=False)), "....\n....\n....")
+    mask.set_mask(grid_of("####"))
+    off.update_at(Pose2D(0.5, 0.5), 0.0)
+    assert mask.state is False
 
 
 def test_masks_from_files(tmp_path: Path) -> None:

@@ -32,8 +32,8 @@ from navstack.costmap import (
     Nav2VoxelLayer,
     PluginContainerLayer,
 )
-from navstack.costmap.obstacle_layer import GRID, clear_rays, clear_rays_beyond
-from navstack.costmap.voxel_layer import VOXEL_GRID, clear_voxel_rays, clear_voxel_rays_beyond
+from navstack.costmap.obstacle_layer import GRID, clear_rays, line_ends
+from navstack.costmap.voxel_layer import VOXEL_GRID, clear_voxel_rays, ray_ends
 from navstack.parameters import check_parameters, load_configuration
 from navstack.plugins import Layer, Plugin
 
@@ -244,56 +244,104 @@ def test_combination_methods(method: int, expected: tuple[int, int, int]) -> Non
     assert (data[20, 15], data[20, 20], data[24, 20]) == (expected[0], 254, third)
 
 
-@pytest.mark.slow
-@settings(max_examples=60)
-@given(st.integers(0, 2**32 - 1))
-def test_no_space_nearer_than_the_minimum_is_cleared(seed: int) -> None:
-    """Without a minimum both kernels clear the same cells; with one, none that is nearer, and no others than without."""
-    rng = np.random.default_rng(seed)
-    points = rng.uniform(-1.0, 5.0, (12, 3)).astype(np.float32)
-    points[:, 2] = rng.uniform(0.0, 2.0, 12)
-    sx, sy = rng.uniform(0.5, 3.5, 2).tolist()
-    grid = np.array([(0.0, 0.0, RESOLUTION, 2.0)], GRID)
-    reach, nearest = float(rng.uniform(0.5, 4.0)), float(rng.uniform(0.1, 1.0))
-    cells = [math.ceil(reach / RESOLUTION), math.ceil(nearest / RESOLUTION)]
+def line(start: tuple[int, ...], end: tuple[int, ...], share: float) -> list[tuple[int, ...]]:
+    """The cells of a line in any number of dimensions, up to a share of its length (bresenham in costmap_2d and voxel_grid.h)."""
+    spans = [abs(b - a) for a, b in zip(start, end, strict=True)]
+    longest, at, cells = max(spans), list(start), []
+    errors = [longest // 2] * len(spans)
+    for _ in range(int(share * longest) + 1):
+        cells.append(tuple(at))
+        for axis, span in enumerate(spans):
+            errors[axis] += span
+            if errors[axis] >= longest:
+                errors[axis] -= longest
+                at[axis] += 1 if end[axis] > start[axis] else -1
+    return cells
 
-    def run(kernel: Any, *more: float) -> np.ndarray:
-        costs = np.full((N, N), 254, np.uint8)
-        kernel(costs, points, len(points), grid, sx, sy, reach, float(cells[0]), *more, np.array([sx, sy, sx, sy]))
-        return costs
 
-    whole = run(clear_rays)
-    np.testing.assert_array_equal(run(clear_rays_beyond, 0.0, 0.0), whole)
-    rest = run(clear_rays_beyond, nearest, float(cells[1]))
-    ys, xs = np.nonzero(rest == 0)
-    away = np.hypot(xs - int(sx / RESOLUTION), ys - int(sy / RESOLUTION))
-    assert (away > cells[1] - 1.5).all()
+def span_of(box: np.ndarray, ends: np.ndarray, sensor: tuple[float, float], nearest: float) -> np.ndarray:
+    """The bounds, grown by the ends (2, n) that are not nearer than `nearest`."""
+    far = ends[:, np.hypot(ends[0] - sensor[0], ends[1] - sensor[1]) >= nearest]
+    reached = np.column_stack((box[:2], box[2:], far))
+    return np.concatenate((reached.min(axis=1), reached.max(axis=1)))
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("with_minimum", [False, True])
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
-def test_voxel_rays_without_a_minimum(seed: int) -> None:
-    """The general kernel clears the same voxels as the fast one."""
+def test_rays_clear_the_cells_of_their_lines(with_minimum: bool, seed: int) -> None:
+    """From the cell `nearest` along the ray to `reach`, cell by cell."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1.0, 5.0, (12, 3)).astype(np.float32)
+    points[6] = points[5]
+    sx, sy = rng.uniform(0.5, 3.5, 2).tolist()
+    grid = np.array([(0.0, 0.0, RESOLUTION, 2.0, -math.inf, 0)], GRID)
+    reach, nearest = float(rng.uniform(0.5, 4.0)), float(rng.uniform(0.1, 1.0)) if with_minimum else 0.0
+    farthest, first = math.ceil(reach / RESOLUTION), math.ceil(nearest / RESOLUTION)
+    costs, box = np.full((N, N), 254, np.uint8), np.array([sx, sy, sx, sy])
+    assert clear_rays(costs, points, len(points), grid, sx, sy, nearest, reach, box)
+
+    ends, cells = np.empty((2, 12)), np.empty((3, 12), np.int32)
+    line_ends(points, grid, (sx, sy), reach, (float(N), float(N)), ends, cells)
+    expected, at = np.full((N, N), 254, np.uint8), (int(sx / RESOLUTION), int(sy / RESOLUTION))
+    for x, y in cells[:2, cells[2] == 1].T.tolist():
+        length = math.hypot(x - at[0], y - at[1])
+        if length < first:
+            continue
+        begin = at
+        if first:
+            begin = (int(at[0] + (x - at[0]) / length * first), int(at[1] + (y - at[1]) / length * first))
+        for ix, iy in line(begin, (x, y), min(1.0, farthest / length) if length else 1.0):
+            expected[iy, ix] = 0
+    np.testing.assert_array_equal(costs, expected)
+    np.testing.assert_allclose(box, span_of(np.array([sx, sy, sx, sy]), ends[:, cells[2] == 1], (sx, sy), nearest))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("with_minimum", [False, True])
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_voxel_rays_clear_the_voxels_of_their_lines(with_minimum: bool, seed: int) -> None:
+    """As above; a column is free if it has few marks and few unknown voxels."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.0, 5.0, (12, 3)).astype(np.float32)
     points[:, 2] = rng.uniform(-0.5, 2.5, 12)
-    sensor = (*rng.uniform(0.5, 3.5, 2).tolist(), 0.5)
+    sx, sy, sz = sensor = (*rng.uniform(0.5, 3.5, 2).tolist(), 0.5)
+    points[:4, 2] = sz  # rays of one level
     levels, threshold = int(rng.integers(3, 17)), int(rng.integers(0, 3))
-    settings_of = (0.0, 0.0, 0.0, RESOLUTION, 0.2, 2.0, 0.0, levels * 0.2, 0.0, 1e-5, levels, threshold, 16)
+    unknown = int(rng.choice([0, levels // 2, 16]))
+    settings_of = (0.0, 0.0, 0.0, RESOLUTION, 0.2, 2.0, 0.0, levels * 0.2, 0.0, 1e-5, levels, threshold, unknown)
     grid = np.array([settings_of], VOXEL_GRID)
     before = rng.integers(0, 1 << 2 * levels, (N, N)).astype(np.uint64)
-    found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    for kernel, more in ((clear_voxel_rays, ()), (clear_voxel_rays_beyond, (0.0, 0.0))):
-        costs, columns, box = (
-            np.full((N, N), 254, np.uint8),
-            before.copy(),
-            np.array([np.inf, np.inf, -np.inf, -np.inf]),
+    reach, nearest = float(rng.uniform(0.5, 4.0)), float(rng.uniform(0.1, 1.0)) if with_minimum else 0.0
+    farthest, first = math.ceil(reach / RESOLUTION), math.ceil(nearest / RESOLUTION)
+    costs, columns = np.full((N, N), 254, np.uint8), before.copy()
+    start = np.array([sx, sy, sx, sy])
+    box = start.copy()
+    assert clear_voxel_rays(costs, columns, points, len(points), grid, *sensor, nearest, reach, box)
+
+    ends, cells = np.empty((6, 12)), np.empty((4, 12), np.int32)
+    ray_ends(points, grid, sensor, reach, (float(N), float(N)), ends, cells)
+    expected, words, mask = np.full((N, N), 254, np.uint8), before.copy(), (1 << levels) - 1
+    origin = np.array([sx / RESOLUTION, sy / RESOLUTION, sz / 0.2])
+    for i in np.flatnonzero(cells[3]):
+        length = float(ends[2, i])
+        if int(length) < first:
+            continue
+        begin = origin + (ends[3:, i] - origin) / length * first if first else origin
+        places = line(
+            tuple(int(v) for v in begin), tuple(cells[:3, i].tolist()), min(1.0, farthest / max(length, 1e-9))
         )
-        assert kernel(costs, columns, points, len(points), grid, *sensor, 2.0, 20.0, *more, box)
-        found.append((costs, columns, box))
-    for ours, theirs in zip(*found, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
+        for ix, iy, iz in places:
+            word = (int(words[iy, ix]) | 1 << iz) & ~(1 << iz + levels)
+            words[iy, ix] = word
+            if (word >> levels).bit_count() <= threshold:
+                few = (mask & ~(word | word >> levels)).bit_count() <= unknown
+                expected[iy, ix] = 0 if few else 255
+    np.testing.assert_array_equal(columns, words)
+    np.testing.assert_array_equal(costs, expected)
+    np.testing.assert_allclose(box, span_of(start, ends[:2, cells[3] == 1], (sx, sy), nearest))
 
 
 # --- inflation and noise ----------------------------------------------------------------------------------------------

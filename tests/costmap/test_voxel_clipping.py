@@ -34,7 +34,7 @@ def test_no_ray_is_lost_on_any_side() -> None:
             grid[0] = (*origin, 0.0, RESOLUTION, 0.2, 2.0, -math.inf, 2.0, 0.5, 0.0, 10, 0, 15)
             bounds = np.array([np.inf, np.inf, -np.inf, -np.inf])
             points = np.array([point], np.float32)
-            clear_voxel_rays(costs, columns, points, 1, grid, *sensor, 0.5, 100.0, 2000.0, bounds)
+            clear_voxel_rays(costs, columns, points, 1, grid, *sensor, 0.5, 0.0, 100.0, bounds)
             rows, cols = np.nonzero(costs == 0)
             reached = {
                 "left": len(cols) and cols.min() == 0,

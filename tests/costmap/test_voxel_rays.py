@@ -65,6 +65,6 @@ def test_level_rays_clear_the_cells_of_each_step(levels: int, word: type) -> Non
             step_by_step(expected_costs, expected, start, end, level, levels)
         last = end
     bounds = np.array([9.0, 9.0, -9.0, -9.0])
-    assert clear_voxel_rays(costs, columns, points, 300, grid, sx, sy, z, 100.0, 1000.0, bounds)
+    assert clear_voxel_rays(costs, columns, points, 300, grid, sx, sy, z, 0.0, 100.0, bounds)
     assert (costs == expected_costs).all()
     assert (columns == expected).all()

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
-from navstack.core import GridGeometry, OccupancyGrid
+from navstack.core import GridGeometry, OccupancyGrid, Pose2D
+from navstack.parameters import Configuration
+from navstack.scenario import Scenario, run_scenario
 
 RESOLUTION = 0.05
 SIZE_M = 8.0
@@ -50,3 +53,14 @@ def with_boxes(grid: OccupancyGrid, *boxes: tuple[float, float, float, float], v
         )
         data[b:d, a:c] = value
     return OccupancyGrid(data, g, grid.origin_yaw, grid.frame)
+
+
+def record_drive(folder: Path, configuration: Configuration, start: Pose2D, goal: Pose2D) -> Path:
+    """Drive through an empty room of 4 by 3 m, corner at the origin, and save the record in `folder`; return it."""
+    cells = np.zeros((60, 80), np.int8)
+    cells[[0, -1], :] = 100
+    cells[:, [0, -1]] = 100
+    result = run_scenario(Scenario(OccupancyGrid(cells, GridGeometry(80, 60, 0.05)), configuration, start, (goal,)))
+    assert result.goals[0].state == "SUCCEEDED" and result.recorder is not None
+    result.recorder.save(folder)
+    return folder

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navstack.cli.app import run
-from navstack.core import Costmap, Footprint, GridGeometry, OccupancyGrid, Pose2D, RobotState, Twist2D
+from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
 from navstack.core import Path as NavPath
 from navstack.explain.command import explain_command
 from navstack.live.messages import Frame
@@ -17,27 +17,15 @@ from navstack.local_planner import DWBPlanner
 from navstack.parameters import load_configuration
 from navstack.plugins import ControlInput, Inflation
 from navstack.record import Record
-from navstack.scenario import Scenario, run_scenario
+from tests.explain.rooms import record_drive
 
 CRITICS = {"RotateToGoal", "Oscillation", "BaseObstacle", "GoalAlign", "PathAlign", "PathDist", "GoalDist"}
 
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    cells = np.zeros((60, 80), np.int8)
-    cells[[0, -1], :] = 100
-    cells[:, [0, -1]] = 100
-    scenario = Scenario(
-        OccupancyGrid(cells, GridGeometry(80, 60, 0.05)),
-        load_configuration(["turtlebot_dwb"]),
-        Pose2D(0.8, 0.8, 2.8),
-        (Pose2D(2.2, 1.6, 2.0),),
-    )
-    result = run_scenario(scenario)
-    assert result.goals[0].state == "SUCCEEDED" and result.recorder is not None
-    where = tmp_path_factory.mktemp("dwb")
-    result.recorder.save(where)
-    return where
+    configuration = load_configuration(["turtlebot_dwb"])
+    return record_drive(tmp_path_factory.mktemp("dwb"), configuration, Pose2D(0.8, 0.8, 2.8), Pose2D(2.2, 1.6, 2.0))
 
 
 @pytest.mark.slow

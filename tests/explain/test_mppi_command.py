@@ -4,33 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from navstack.cli.app import run
-from navstack.core import GridGeometry, OccupancyGrid, Pose2D
+from navstack.core import Pose2D
 from navstack.explain.command import explain_command
 from navstack.parameters import load_configuration
 from navstack.record import Record
-from navstack.scenario import Scenario, run_scenario
+from tests.explain.rooms import record_drive
 
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    cells = np.zeros((60, 80), np.int8)
-    cells[[0, -1], :] = 100
-    cells[:, [0, -1]] = 100
-    scenario = Scenario(
-        OccupancyGrid(cells, GridGeometry(80, 60, 0.05)),
-        load_configuration(["turtlebot_mppi"], overrides=["MPPIController/batch_size=200"]),
-        Pose2D(0.8, 0.8, 0.3),
-        (Pose2D(2.2, 1.6, 0.0),),
-    )
-    result = run_scenario(scenario)
-    assert result.goals[0].state == "SUCCEEDED" and result.recorder is not None
-    where = tmp_path_factory.mktemp("mppi")
-    result.recorder.save(where)
-    return where
+    configuration = load_configuration(["turtlebot_mppi"], overrides=["MPPIController/batch_size=200"])
+    return record_drive(tmp_path_factory.mktemp("mppi"), configuration, Pose2D(0.8, 0.8, 0.3), Pose2D(2.2, 1.6, 0.0))
 
 
 def test_the_average_and_its_samples(record: Path) -> None:

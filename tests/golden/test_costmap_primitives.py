@@ -22,7 +22,7 @@ def test_rays_clear_the_same_cells(primitives: dict[str, np.ndarray]) -> None:
     expected = np.split(primitives["ray_cells"], np.cumsum(primitives["ray_counts"])[:-1])
     for (x0, y0, x1, y1, longest), cells in zip(primitives["ray_query"].tolist(), expected, strict=True):
         grid = np.full(nx * ny, 255, np.uint8)
-        clear_line(grid, nx, x0, y0, x1, y1, float(longest))
+        clear_line(grid, nx, x0, y0, x1, y1, 0.0, float(longest))
         assert np.flatnonzero(grid == 0).tolist() == sorted(set(cells.tolist())), (x0, y0, x1, y1, longest)
 
 
@@ -35,7 +35,7 @@ def test_slope_in_fixed_point_is_exact() -> None:
         x0, x1 = rng.integers(0, nx, 2).tolist()
         y0, y1 = rng.integers(0, ny, 2).tolist()
         grid = np.full((ny, nx), 255, np.uint8)
-        clear_line(grid.reshape(-1), nx, x0, y0, x1, y1, 1e9)
+        clear_line(grid.reshape(-1), nx, x0, y0, x1, y1, 0.0, 1e9)
         da, db = abs(x1 - x0), abs(y1 - y0)
         steep = db > da
         if steep:

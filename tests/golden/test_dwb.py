@@ -10,23 +10,20 @@ many points they have and which one is chosen must be the same; so must the stat
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Iterator
-from functools import lru_cache
-from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import ControlError, Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
+from navstack.core import ControlError, Footprint, Pose2D, RobotState, Twist2D
 from navstack.local_planner.critics.rotate_to_goal import RotateToGoalCritic
 from navstack.local_planner.dwb.critics import OscillationCritic
 from navstack.local_planner.path_follower import Following
-from navstack.plugins import LOCAL_PLANNERS, Inflation, LocalPath, LocalPlan, Rollouts
-from tests.conftest import SHARED
+from navstack.plugins import LOCAL_PLANNERS, Inflation, LocalPlan, Rollouts
+from tests.golden.nav2_controllers import Scene, nested_params
+from tests.golden.nav2_w3 import arrays, jobs, needs_data
 
 TWIST = 1e-12
 POSE = 1e-9
@@ -38,39 +35,15 @@ LARGEST = np.float64(np.finfo(np.float32).max)
 PERIOD_S = 0.05
 INFLATED = Inflation(0.22, 0.55, 3.0)
 """How the costs of the scenes were inflated."""
-FOLDER = FilePath(os.environ.get("NAVSTACK_GOLDEN_NAV2_W3") or SHARED / "golden_nav2_w3")
-FILES = {file.name: file for file in sorted(FOLDER.glob("dwb_*"))}
-pytestmark = pytest.mark.skipif(
-    not {"dwb_jobs.json", "dwb_tables.npz", "dwb_loops.npz", "dwb_scenes.npz"} <= set(FILES),
-    reason="no golden data of DWB: set NAVSTACK_GOLDEN_NAV2_W3 to their folder",
-)
-
-
-@lru_cache(maxsize=4)
-def read(name: str) -> dict[str, NDArray[Any]]:
-    with np.load(FILES[name]) as data:
-        return {key: data[key] for key in data.files}
-
-
-@lru_cache(maxsize=1)
-def all_jobs() -> dict[str, Any]:
-    if "dwb_jobs.json" not in FILES:
-        return {}
-    document: dict[str, Any] = json.loads(FILES["dwb_jobs.json"].read_text(encoding="utf-8"))
-    return document
+JOBS = jobs("dwb")
+pytestmark = needs_data
 
 
 def planner_of(name: str) -> Any:
     """The planner of a job, from Nav2's parameters."""
-    job = all_jobs()[name]
+    job = JOBS[name]
     cls: Any = LOCAL_PLANNERS.get("dwb_core::DWBLocalPlanner").cls
-    tree: dict[str, Any] = {}
-    for key, value in job["params"].items():
-        *above, last = key.removeprefix("FollowPath.").split(".")
-        at = tree
-        for part in above:
-            at = at.setdefault(part, {})
-        at[last] = value
+    tree = nested_params(job)
     models = cls.Params.child_models(tree)
     sections = {n: models[n](**tree[n]) for n in models if isinstance(tree.get(n), dict)}
     known = {n: v for n, v in tree.items() if not isinstance(v, dict) and n not in cls.Params.NO_EFFECT}
@@ -93,25 +66,18 @@ class Cycle(NamedTuple):
     best: int
 
 
-class Scene:
+class DWBScene(Scene):
     """Costmap, plan and footprint of a job."""
 
     def __init__(self, job: dict[str, Any]) -> None:
-        data, name, kind = read("dwb_scenes.npz"), job["scene_name"], job["footprint_name"]
-        x, y, resolution = data[f"scene/{name}/info"].tolist()
-        costs = data[f"scene/{name}/costmap_used_{kind}"]
-        ny, nx = costs.shape
-        self.costmap = Costmap(GridGeometry(nx, ny, resolution, x, y), costs.copy())
-        self.plan = data[f"scene/{name}/plan"]
+        data, kind = arrays("dwb_scenes"), job["footprint_name"]
+        super().__init__(data, job["scene_name"], f"costmap_used_{kind}")
         self.footprint = Footprint(data[f"footprint/{kind}"])
-        self.goal = Pose2D(*self.plan[-1].tolist())
 
     def run(self, planner: Any, row: list[float], time: float) -> Cycle:
         """One cycle; the part of the plan is that of the log."""
         x, y, yaw, vx, vy, wz = row[:6]
-        poses = np.ascontiguousarray(self.plan[int(row[6]) : int(row[7])])
-        length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
-        path = LocalPath(poses, length, length, int(row[6]), int(row[7]))
+        path = self.path(int(row[6]), int(row[7]))
         state = RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz), time)
         now = Following(state, path, self.goal, self.costmap, self.footprint, INFLATED, False, False, False, False)
         try:
@@ -149,8 +115,8 @@ class Expected(NamedTuple):
 
 
 def expected_rows(name: str) -> Iterator[Expected]:
-    loop = all_jobs()[name]["kind"] == "loop"
-    file = read("dwb_loops.npz" if loop else "dwb_tables.npz")
+    loop = JOBS[name]["kind"] == "loop"
+    file = arrays("dwb_loops" if loop else "dwb_tables")
     data = {key.removeprefix(f"{name}/"): v for key, v in file.items() if key.startswith(f"{name}/")}
     counts = data["counts"].astype(np.int64)
     recorded = [i for i in range(len(counts)) if not loop or i % 10 == 0]
@@ -272,8 +238,8 @@ def check_states(planner: Any, wanted: Expected) -> None:
 
 
 def run(name: str, only: int | None = None) -> None:
-    job = all_jobs()[name]
-    scene, planner = Scene(job), planner_of(name)
+    job = JOBS[name]
+    scene, planner = DWBScene(job), planner_of(name)
     for i, wanted in enumerate(expected_rows(name)):
         if only is not None and i >= only:
             return
@@ -286,20 +252,19 @@ def run(name: str, only: int | None = None) -> None:
             compare_grids(name, i, planner, scene)
 
 
-def compare_grids(name: str, row: int, planner: Any, scene: Scene) -> None:
+def compare_grids(name: str, row: int, planner: Any, scene: DWBScene) -> None:
     """The cells of the critics that measure distances."""
-    grids = read("dwb_tables.npz").get(f"{name}/grids")
+    grids = arrays("dwb_tables").get(f"{name}/grids")
     if grids is None:
         return
     for critic in planner.critics:
         values = critic.grid_values()
-        if critic.name in all_jobs()[name]["grids"] and values is not None:
-            wanted = grids[row, all_jobs()[name]["grids"].index(critic.name)].astype(np.int64)
+        if critic.name in JOBS[name]["grids"] and values is not None:
+            wanted = grids[row, JOBS[name]["grids"].index(critic.name)].astype(np.int64)
             if wanted.max() < np.iinfo(grids.dtype).max:  # -1: not computed
                 np.testing.assert_array_equal(values, wanted)
 
 
-JOBS = sorted(all_jobs())
 QUICK = ("bringup/", "rect_footprint", "omni/", "limited_accel/", "grid_", "speed_", "limits_min", "by_time")
 
 
@@ -315,4 +280,4 @@ def test_cycles_are_those_of_nav2(name: str) -> None:
 
 
 def test_the_data_have_jobs_of_both_kinds() -> None:
-    assert {job["kind"] for job in all_jobs().values()} == {"table", "loop"}
+    assert {job["kind"] for job in JOBS.values()} == {"table", "loop"}

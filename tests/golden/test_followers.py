@@ -23,13 +23,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import ControlError, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
+from navstack.core import ControlError, Footprint, Path, Pose2D, RobotState, Twist2D
 from navstack.local_planner import regulated_pure_pursuit as regulation
 from navstack.local_planner.goal_checkers import SimpleGoalChecker, SimpleGoalCheckerParams
 from navstack.local_planner.graceful import LAW, law
 from navstack.local_planner.path_follower import Following
-from navstack.plugins import LOCAL_PLANNERS, Approach, LocalPath
+from navstack.plugins import LOCAL_PLANNERS, Approach
 from tests.conftest import golden_nav2_files
+from tests.golden.nav2_controllers import Scene, nested_params
 
 COMMAND = 1e-7
 SAME_TARGET = 1e-5
@@ -59,13 +60,7 @@ def all_jobs() -> dict[str, Any]:
 def controller_of(name: str) -> Any:
     """The controller of a job; parameters below `primary_controller` are those of the controller behind the shim."""
     job = all_jobs()[name]
-    tree: dict[str, Any] = {}
-    for key, value in job["params"].items():
-        *above, last = key.removeprefix("FollowPath.").split(".")
-        at = tree
-        for part in above:
-            at = at.setdefault(part, {})
-        at[last] = value
+    tree = nested_params(job)
     cls: Any = LOCAL_PLANNERS.get(job["plugin"]).cls
     primary = tree.pop("primary_controller", None)
     if primary is not None:
@@ -74,31 +69,13 @@ def controller_of(name: str) -> Any:
     return cls(cls.Params(**tree), as_nav2=True)
 
 
-class Scene:
-    """Costmap, plan and footprint of a scene."""
-
-    def __init__(self, name: str) -> None:
-        data = read("controllers.npz")
-        x, y, resolution = data[f"scene/{name}/info"].tolist()
-        costs = data[f"scene/{name}/costmap_inflated"]
-        ny, nx = costs.shape
-        self.costmap = Costmap(GridGeometry(nx, ny, resolution, x, y), costs.copy())
-        self.plan = data[f"scene/{name}/plan"]
-        self.footprint = Footprint(data["footprint"])
-        assert self.footprint.inscribed_radius == pytest.approx(data[f"scene/{name}/radii"][0])
-
-    def path(self, first: int, end: int) -> LocalPath:
-        poses = np.ascontiguousarray(self.plan[first:end])
-        length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
-        return LocalPath(poses, length, length, first, end)
-
-
 def commands(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What C++ computed (n, 12) and what navstack does (n, 5): cmd v, cmd w, status, carrot x, y."""
     scene_name, kind = all_jobs()[name]["scene_name"], all_jobs()[name]["kind"]
     log = read("controllers.npz")[f"{name}/log"]
-    scene = Scene(scene_name)
-    goal = Pose2D(*scene.plan[-1].tolist())
+    data = read("controllers.npz")
+    scene, footprint = Scene(data, scene_name, "costmap_inflated"), Footprint(data["footprint"])
+    assert footprint.inscribed_radius == pytest.approx(data[f"scene/{scene_name}/radii"][0])
     out = np.full((len(log), 5), np.nan)
     controller, checker = controller_of(name), SimpleGoalChecker(SimpleGoalCheckerParams())
     for i, row in enumerate(log.tolist()):
@@ -107,11 +84,11 @@ def commands(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         x, y, yaw, v, w, first, end = row[:7]
         path = scene.path(int(first), int(end))
         pose, velocity = Pose2D(x, y, yaw), Twist2D(v, 0.0, w)
-        near = checker.at_position(Approach(pose, goal, velocity, path.poses, path.length))
-        controller.set_plan(Path(scene.plan, "map"), goal) if i == 0 or kind == "table" else None
+        near = checker.at_position(Approach(pose, scene.goal, velocity, path.poses, path.length))
+        controller.set_plan(Path(scene.plan, "map"), scene.goal) if i == 0 or kind == "table" else None
         fresh = i == 0 or kind == "table"
         now = Following(
-            RobotState(pose, velocity), path, goal, scene.costmap, scene.footprint, None, False, near, fresh, fresh
+            RobotState(pose, velocity), path, scene.goal, scene.costmap, footprint, None, False, near, fresh, fresh
         )
         try:
             plan = controller.follow(now)

@@ -38,10 +38,10 @@ NEAR_RISES: Final = 50.0
 _FACTORS: Final = (1.005, 1.1)
 """Factors on the estimate that limit the wave in the first and second attempt; a slack is added, see `_slack`."""
 _MARGIN_FACTOR: Final = 2.0
-_MARGIN_RISES: Final = 6.0
-"""How far the limit must be above the result: this multiple of the error of the estimate, but at most so many rises. Where
-costs are rough the two potentials disagree, and a cell that is not on the path may still lower a cell that is: then the wave
-runs again, with that margin and with order-independent costs."""
+_MARGIN_STEPS: Final = 2.5
+"""How far the limit must be above the result: this multiple of the error of the estimate, but at most so many steps into the most
+expensive cell. Where costs are rough the two potentials disagree, and a cell that is not on the path may still lower a cell that
+is: then the wave runs again, with that margin and with order-independent costs."""
 _GOAL_EXTENT_RISES: Final = 8.0
 _MAX_MISLEADING: Final = 3
 """Plans in a row with a potential far too low, after which it is rebuilt."""
@@ -85,7 +85,9 @@ class GoalPotential:
             found = run.run(Guide(self._wave.pot, 0, limit))
             if found < math.inf:
                 was_good = factor == _FACTORS[0] and run.wave.expanded <= max(WORTHWHILE_CELLS, self._effort // 2)
-                sufficient = found + min(_MARGIN_FACTOR * (found - estimate), _MARGIN_RISES * rise)
+                sufficient = found + min(
+                    _MARGIN_FACTOR * (found - estimate), _MARGIN_STEPS * _largest_step(query.costs)
+                )
                 if limit < sufficient:
                     run.run(Guide(self._wave.pot, 0, sufficient, order_independent=True))
                 self._misleading = 0 if was_good else self._misleading + 1
@@ -136,6 +138,11 @@ class GoalPotential:
         steps = np.where(costs.blocked, np.float32(np.inf), costs.steps)
         self._wave.revise(changed, cheaper=steps[after] < steps[before], rise=rise)
         return True
+
+
+def _largest_step(costs: WaveCosts) -> float:
+    """Return the potential that it takes to enter the most expensive free cell."""
+    return float(costs.steps[~costs.blocked].max(initial=0.0))
 
 
 def _differing(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.int64]:

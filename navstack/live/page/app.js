@@ -13,6 +13,7 @@ import { Store } from './store.js';
 import { Teleop } from './teleop.js';
 import { Timeline } from './timeline.js';
 import { Tools } from './tools.js';
+import { Tree } from './tree.js';
 import { Versus } from './versus.js';
 import { Why } from './why.js';
 
@@ -41,6 +42,7 @@ class App {
     this.timeline = new Timeline(this);
     this.firstPerson = new FirstPerson(this);
     this.parameters = new Parameters(this);
+    this.tree = new Tree($('tab-tree'));
     this.panel = new Panel(this);
     this.layers.build($('tab-layers'));
     this.tools.buildActions();
@@ -169,7 +171,7 @@ class App {
   copyPose(pose) { copy(poseText(pose)); }
 
   sendLayers() {
-    if (this.connection.open) this.connection.request({ type: 'layers', layers: this.layers.wanted(), rate: 30 }).catch(() => {});
+    if (this.connection.open) this.connection.request({ type: 'layers', layers: [...this.layers.wanted(), ...(this.panel?.shown === 'tree' ? ['tree'] : [])], rate: 30 }).catch(() => {});
   }
 
   play() {

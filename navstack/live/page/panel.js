@@ -2,7 +2,7 @@
 import { Chart } from './charts.js';
 import { $, button, copy, el, fixed, poseText, refresh, toast } from './dom.js';
 
-const TABS = [['robot', 'Robot'], ['goals', 'Goals'], ['layers', 'Layers'], ['parameters', 'Parameters'], ['why', 'Why']];
+const TABS = [['robot', 'Robot'], ['goals', 'Goals'], ['layers', 'Layers'], ['parameters', 'Parameters'], ['why', 'Why'], ['tree', 'Tree']];
 const SIZE = 'navstack-live';
 const STATES = { SUCCEEDED: 'good', ABORTED: 'bad', REJECTED: 'bad', LOST: 'bad', PREEMPTED: 'warn', RECALLED: 'warn' };
 const ROUTINE = new Set(['plan', 'info']); // they do not end a row of others
@@ -15,7 +15,7 @@ export class Panel {
     $('tabs').addEventListener('keydown', (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (!step) return;
-      const at = TABS.findIndex(([name]) => name === this.shown), next = TABS[(at + step + TABS.length) % TABS.length][0];
+      const names = TABS.map(([name]) => name).filter((name) => !$(`show-${name}`).hidden), next = names[(names.indexOf(this.shown) + step + names.length) % names.length];
       this.show(next);
       $(`show-${next}`).focus();
       event.stopPropagation();
@@ -58,8 +58,10 @@ export class Panel {
   }
 
   show(name) {
+    const before = this.shown;
     this.shown = name;
     if (name !== 'why') this.app.why.clear();
+    if (name === 'tree' || before === 'tree') this.app.sendLayers(); // the states of the nodes are sent while they are shown
     for (const [other] of TABS) {
       $(`tab-${other}`).hidden = other !== name;
       $(`show-${other}`).setAttribute('aria-selected', String(other === name));
@@ -125,6 +127,8 @@ export class Panel {
   update(side, clock) {
     if (this.shown === 'robot') this.updateRobot(side, clock);
     if (this.shown === 'goals') this.updateGoals(side.goals);
+    $('show-tree').hidden = !side.behavior_tree; // move_base has none
+    if (this.shown === 'tree') { if (side.behavior_tree) this.app.tree.update(side); else this.show('robot'); }
   }
 
   updateRobot(side, clock) {
