@@ -1,0 +1,24 @@
+"""Routes on a graph: GeoJSON graphs of nav2_route, edge scorers, shortest routes, their paths, checks, and driving them."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from navstack.routes.errors import InvalidGraphError as InvalidGraphError
+    from navstack.routes.errors import NoValidRouteError as NoValidRouteError
+    from navstack.routes.errors import RouteError as RouteError
+    from navstack.routes.geojson import load_graph as load_graph
+    from navstack.routes.geojson import parse_graph as parse_graph
+    from navstack.routes.geojson import save_graph as save_graph
+    from navstack.routes.graph import Operation as Operation
+    from navstack.routes.graph import RouteGraph as RouteGraph
+    from navstack.routes.graph import build_graph as build_graph
+    from navstack.routes.parameters import read_scorers as read_scorers
+    from navstack.routes.planner import RoutePlanner as RoutePlanner
+    from navstack.routes.route import PlannedRoute as PlannedRoute
+    from navstack.routes.route import Route as Route
+    from navstack.routes.route import RouteParams as RouteParams
+    from navstack.routes.scorers import EdgeScorer as EdgeScorer
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__)
