@@ -3,9 +3,12 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.routes.check import GraphFinding as GraphFinding
+    from navstack.routes.check import check_graph as check_graph
     from navstack.routes.errors import InvalidGraphError as InvalidGraphError
     from navstack.routes.errors import NoValidRouteError as NoValidRouteError
     from navstack.routes.errors import RouteError as RouteError
+    from navstack.routes.from_map import graph_from_map as graph_from_map
     from navstack.routes.geojson import load_graph as load_graph
     from navstack.routes.geojson import parse_graph as parse_graph
     from navstack.routes.geojson import save_graph as save_graph

@@ -14,6 +14,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,12 @@ def mean_ms(run: Callable[..., object], asked: Sequence[Sequence[Any]]) -> float
     return (time.process_time() - began) * 1e3 / len(asked)
 
 
+def associate(planner: RoutePlanner, start: Pose2D, goal: Pose2D) -> None:
+    """Find the nodes of two poses."""
+    planner.node_at(start, is_start=True)
+    planner.node_at(goal, is_start=False)
+
+
 def golden() -> None:
     """Print a line per kind of job."""
     from tests.golden import test_routes as routes
@@ -105,12 +112,9 @@ def grids(sizes: list[int], queries: int) -> None:
         exact = RoutePlanner(graph, planner.params.model_copy(update={"search": "dijkstra"}))
         ends = graph.node_ids[rng.integers(0, len(graph), (queries, 2))]
         pairs = [(int(a), int(b)) for a, b in ends if a != b]
-        found = [mean_ms(planner.find, pairs)]
         poses = [[Pose2D(*graph.xy[i].tolist(), 0.0) for i in pair] for pair in pairs]
-        found.append(
-            found[0]
-            + mean_ms(lambda a, b: (planner.node_at(a, is_start=True), planner.node_at(b, is_start=False)), poses)
-        )
+        found = [mean_ms(planner.find, pairs)]
+        found.append(found[0] + mean_ms(partial(associate, planner), poses))
         found.append(mean_ms(exact.find, pairs[:20]))
         said = NAV2_MS.get(size)
         print(f"{len(graph):9} {found[0]:7.4f} ms {found[1]:8.4f} ms {found[2]:7.4f} ms {said or float('nan'):7.4f} ms")
