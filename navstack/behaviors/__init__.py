@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from navstack.behaviors.steps import EXAMPLES as EXAMPLES
     from navstack.behaviors.steps import FollowStep as FollowStep
     from navstack.behaviors.steps import GoToStep as GoToStep
+    from navstack.behaviors.steps import RouteStep as RouteStep
     from navstack.behaviors.steps import Step as Step
     from navstack.behaviors.steps import is_step as is_step
     from navstack.behaviors.steps import motion_of as motion_of

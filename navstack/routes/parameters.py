@@ -12,6 +12,7 @@ from navstack.core import ParameterError, UnknownPluginError, short_repr
 from navstack.plugins import ParamModel
 from navstack.routes.route import RouteParams
 from navstack.routes.scorers import SCORERS, EdgeScorer
+from navstack.routes.tracking import DEFAULT_OPERATIONS, OPERATIONS, RouteOperation
 
 M = TypeVar("M", bound=ParamModel)
 T = TypeVar("T")
@@ -90,6 +91,12 @@ def read_plugins(
     return found
 
 
+def read_operations(parameters: Mapping[str, Any]) -> list[RouteOperation]:
+    """Return the operations of the parameters of the server. Raises ParameterError for what is unknown or has the wrong type."""
+    listed = read_plugins(nested(parameters), LISTS[1], DEFAULT_OPERATIONS, OPERATIONS)
+    return [cls(read_model(cls.Params, section, name), name) for name, cls, section in listed]
+
+
 def read_scorers(parameters: Mapping[str, Any]) -> tuple[RouteParams, list[EdgeScorer]]:
     """Return the parameters of the server and its edge scorers.
 
@@ -102,6 +109,11 @@ def read_scorers(parameters: Mapping[str, Any]) -> tuple[RouteParams, list[EdgeS
         cls(read_model(cls.Params, section, name), name)
         for name, cls, section in read_plugins(values, LISTS[0], _DEFAULT_SCORERS, SCORERS)
     ]
-    listed = {name for key in LISTS for name in values.get(key, ())} | {*LISTS, *_NO_EFFECT, *_DEFAULT_SCORERS}
+    listed = {name for key in LISTS for name in values.get(key, ())} | {
+        *LISTS,
+        *_NO_EFFECT,
+        *_DEFAULT_SCORERS,
+        *DEFAULT_OPERATIONS,
+    }
     own = {name: value for name, value in values.items() if name not in listed}
     return read_model(RouteParams, own, "the route server"), scorers

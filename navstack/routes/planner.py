@@ -106,6 +106,19 @@ class RoutePlanner:
                 return scorer
         raise InvalidGraphError("edges cannot be closed: add DynamicEdgesScorer to edge_cost_functions")
 
+    def metadata_changed(self) -> None:
+        """Read the metadata of the graph again before the next route."""
+        self._weights, self._parts = None, []
+
+    def both_ways(self, edge: int) -> tuple[int, ...]:
+        """Return the ids of an edge (index) and of the edges between the same nodes in either direction."""
+        graph = self.graph
+        a, b = int(graph.starts[edge]), int(graph.ends[edge])
+        there = np.arange(graph.first[a], graph.first[a + 1])
+        back = np.arange(graph.first[b], graph.first[b + 1])
+        same = np.concatenate([there[graph.ends[there] == b], back[graph.ends[back] == a]])
+        return tuple(dict.fromkeys(graph.edge_ids[same].tolist()))
+
     # --- routes -------------------------------------------------------------------------------------------------------
 
     def plan(
