@@ -74,6 +74,16 @@ if TYPE_CHECKING:
     from navstack.behaviors.wait import Pause as Pause
     from navstack.behaviors.wait import Wait as Wait
     from navstack.behaviors.wait import WaitParams as WaitParams
+    from navstack.behaviors.waypoints import NO_EXECUTOR as NO_EXECUTOR
+    from navstack.behaviors.waypoints import ExecutorFailedError as ExecutorFailedError
+    from navstack.behaviors.waypoints import InputAtWaypoint as InputAtWaypoint
+    from navstack.behaviors.waypoints import MissedWaypointError as MissedWaypointError
+    from navstack.behaviors.waypoints import NoWaypointsError as NoWaypointsError
+    from navstack.behaviors.waypoints import PhotoAtWaypoint as PhotoAtWaypoint
+    from navstack.behaviors.waypoints import WaitAtWaypoint as WaitAtWaypoint
+    from navstack.behaviors.waypoints import WaypointExecutor as WaypointExecutor
+    from navstack.behaviors.waypoints import WaypointReport as WaypointReport
+    from navstack.behaviors.waypoints import WaypointStatus as WaypointStatus
 else:
     from navstack._lazy import lazy_face
 
