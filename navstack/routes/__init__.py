@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from navstack.routes.from_map import graph_from_map as graph_from_map
     from navstack.routes.geojson import graph_text as graph_text
     from navstack.routes.geojson import load_graph as load_graph
+    from navstack.routes.geojson import load_points as load_points
     from navstack.routes.geojson import parse_graph as parse_graph
     from navstack.routes.geojson import save_graph as save_graph
     from navstack.routes.graph import Operation as Operation

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple, NoReturn
 
 import numpy as np
 
-from navstack.core import TooLargeError, read_bytes, short_repr, write_text
+from navstack.core import Pose2D, TooLargeError, normalize_angle, read_bytes, short_repr, write_text
 from navstack.routes.errors import InvalidGraphError
 from navstack.routes.graph import FAR_M, MAX_ID, TRIGGERS, Metadata, Operation, RouteGraph, id_notes
 
@@ -133,24 +133,57 @@ class _Reader:
         return at
 
 
+def _text_of(path: str | os.PathLike[str]) -> str:
+    shown = os.fspath(path)
+    try:
+        data = read_bytes(Path(path), MAX_BYTES)
+    except TooLargeError as exc:
+        raise InvalidGraphError(f"{shown} {exc.strerror}; split it", file=shown) from None
+    except OSError as exc:
+        raise InvalidGraphError(f"{shown} cannot be read: {exc.strerror or exc}", file=shown) from None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as exc:
+        raise InvalidGraphError(f"{shown} is not UTF-8 (byte {exc.start}); save it as UTF-8", file=shown) from None
+
+
+def load_points(path: str | os.PathLike[str]) -> dict[str, Pose2D]:
+    """Read the points of a GeoJSON file as poses by name: `name`, else `id`, else the number; `yaw` (rad) of the properties.
+
+    Other features are ignored. Raises InvalidGraphError as `load_graph`.
+    """
+    reader = _Reader(_text_of(path), os.fspath(path))
+    points = _Nodes(reader)
+    found: dict[str, Pose2D] = {}
+    for feature in reader.features():
+        if _geometry(reader, feature) != "Point":
+            continue
+        x, y = points.position(feature)
+        properties = feature.value.get("properties") or {}
+        if not isinstance(properties, dict):
+            reader.fail_in(feature, "properties", f"properties is {short_repr(properties)}; write an object")
+        name = str(properties.get("name", properties.get("id", feature.number)))
+        if name in found:
+            reader.fail_in(
+                feature, "properties.name", f"the name {name} is that of another point, too; give every point its own"
+            )
+        found[name] = Pose2D(
+            x, y, normalize_angle(points.number(feature, properties.get("yaw", 0.0), "properties.yaw"))
+        )
+    if not found:
+        raise InvalidGraphError(
+            f"{os.fspath(path)}: there are no points; add features of type Point", file=os.fspath(path)
+        )
+    return found
+
+
 def load_graph(path: str | os.PathLike[str]) -> RouteGraph:
     """Read a GeoJSON file of nav2_route. `notes` of the graph has what a reader should know (ids, ignored features).
 
     Raises InvalidGraphError, whose message begins with file:line:column, for a file that cannot be read, is no such JSON, or
     has wrong types, numbers that are not finite, ids twice, edges without their nodes, or no nodes or edges.
     """
-    shown = os.fspath(path)
-    try:
-        data = read_bytes(Path(path), MAX_BYTES)
-    except TooLargeError as exc:
-        raise InvalidGraphError(f"{shown} {exc.strerror}; split the graph", file=shown) from None
-    except OSError as exc:
-        raise InvalidGraphError(f"{shown} cannot be read: {exc.strerror or exc}", file=shown) from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as exc:
-        raise InvalidGraphError(f"{shown} is not UTF-8 (byte {exc.start}); save it as UTF-8", file=shown) from None
-    return parse_graph(text, shown)
+    return parse_graph(_text_of(path), os.fspath(path))
 
 
 def parse_graph(text: str, shown: str = "graph") -> RouteGraph:
@@ -328,16 +361,20 @@ class _Nodes(_Items):
             )
         self.ids[number] = len(self.ids)
 
-    def add(self, feature: _Feature) -> None:
-        """Read a node."""
-        properties = self.common(feature)
+    def position(self, feature: _Feature) -> tuple[float, float]:
+        """Return the coordinates of a point (m)."""
         at = feature.value["geometry"].get("coordinates")
         if not isinstance(at, list) or len(at) not in (2, 3):
             self.reader.fail_in(
                 feature, "geometry.coordinates", f"the coordinates are {short_repr(at)}; write [x, y] (m)"
             )
         x, y = (self.number(feature, value, "geometry.coordinates") for value in at[:2])
-        self.xy.append((x, y))
+        return x, y
+
+    def add(self, feature: _Feature) -> None:
+        """Read a node."""
+        properties = self.common(feature)
+        self.xy.append(self.position(feature))
         frame = properties.get("frame", "map") or "map"
         if not isinstance(frame, str):
             self.reader.fail_in(
