@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from navstack.behaviors.steps import EXAMPLES as EXAMPLES
     from navstack.behaviors.steps import FollowStep as FollowStep
     from navstack.behaviors.steps import GoToStep as GoToStep
+    from navstack.behaviors.steps import RouteStep as RouteStep
     from navstack.behaviors.steps import Step as Step
     from navstack.behaviors.steps import is_step as is_step
     from navstack.behaviors.steps import motion_of as motion_of
@@ -75,6 +76,16 @@ if TYPE_CHECKING:
     from navstack.behaviors.wait import Pause as Pause
     from navstack.behaviors.wait import Wait as Wait
     from navstack.behaviors.wait import WaitParams as WaitParams
+    from navstack.behaviors.waypoints import NO_EXECUTOR as NO_EXECUTOR
+    from navstack.behaviors.waypoints import ExecutorFailedError as ExecutorFailedError
+    from navstack.behaviors.waypoints import InputAtWaypoint as InputAtWaypoint
+    from navstack.behaviors.waypoints import MissedWaypointError as MissedWaypointError
+    from navstack.behaviors.waypoints import NoWaypointsError as NoWaypointsError
+    from navstack.behaviors.waypoints import PhotoAtWaypoint as PhotoAtWaypoint
+    from navstack.behaviors.waypoints import WaitAtWaypoint as WaitAtWaypoint
+    from navstack.behaviors.waypoints import WaypointExecutor as WaypointExecutor
+    from navstack.behaviors.waypoints import WaypointReport as WaypointReport
+    from navstack.behaviors.waypoints import WaypointStatus as WaypointStatus
 else:
     from navstack._lazy import lazy_face
 

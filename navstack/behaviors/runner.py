@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple, Protocol
@@ -163,7 +164,10 @@ class BehaviorRunner:
     def drop(self, now: float) -> None:
         """Abandon the running behavior."""
         del now
-        self.running = None
+        behavior, self.running = self.running, None
+        if behavior is not None:
+            with contextlib.suppress(NavError):  # its result stands
+                self._guard(behavior, behavior.release)
 
 
 def _valid_step(behavior: Behavior, step: Any) -> BehaviorStep:

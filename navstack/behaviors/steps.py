@@ -1,6 +1,6 @@
 """Steps of a tour, as mappings.
 
-{move: 0.5}, {turn: 90 deg}, {follow: heart}, {wait: 2}, {goto: kitchen}, {drive_to: [x, y, yaw]}
+{move: 0.5}, {turn: 90 deg}, {follow: heart}, {wait: 2}, {goto: kitchen}, {drive_to: [x, y, yaw]}, {route: GRAPH, to: kitchen}
 """
 
 from __future__ import annotations
@@ -24,6 +24,16 @@ from navstack.behaviors.wait import Pause
 from navstack.core import Pose2D, WheelDrive, normalize_angle, short_repr
 from navstack.parameters import MotionParams
 from navstack.plugins import Behavior, ParamModel, param
+from navstack.routes import (
+    FollowRoute,
+    InvalidGraphError,
+    RoutePlanner,
+    graph_text,
+    load_graph,
+    parse_graph,
+    read_operations,
+    read_scorers,
+)
 
 SHAPES: Final = ("heart", "figure_eight")
 BASE_PERIOD_S: Final = 60.0
@@ -109,6 +119,21 @@ class WaitStep(_Step):
     wait: Annotated[float, Field(ge=0.0, le=1e6)] = param(..., "how long", unit="s")
 
 
+class RouteStep(ParamModel):
+    """Drive along a route on a graph."""
+
+    route: str = param(..., "graph: a GeoJSON file of nav2_route")
+    to: Annotated[list[Number], Field(min_length=2, max_length=3)] | int = param(
+        ..., "goal: [x, y, yaw] in the map, a place, or the id of a node"
+    )
+    follow: Literal["path", "planner"] = param(
+        "path", "follow the edges, or plan from node to node with the global planner"
+    )
+    closed: list[int] = param([], "ids of edges that are closed from the start")
+    parameters: dict[str, Any] = param({}, "parameters of Nav2's route_server, such as smooth_corners: true")
+    graph: str | None = param(None, "the graph itself, in records")
+
+
 class GoToStep(ParamModel):
     """Drive to a goal with the planners."""
 
@@ -122,21 +147,31 @@ class GoToStep(ParamModel):
         return Pose2D(x, y, normalize_angle(yaw[0]) if yaw else 0.0)
 
 
-Step = MoveStep | TurnStep | DriveToStep | FollowStep | WaitStep | GoToStep
+Step = MoveStep | TurnStep | DriveToStep | FollowStep | WaitStep | RouteStep | GoToStep
 KINDS: Final[dict[str, type[ParamModel]]] = {
     "move": MoveStep,
     "turn": TurnStep,
     "drive_to": DriveToStep,
     "follow": FollowStep,
     "wait": WaitStep,
+    "route": RouteStep,
     "goto": GoToStep,
 }
-EXAMPLES: Final = "{move: 0.5}, {turn: 90 deg}, {follow: heart}, {wait: 2}, {goto: PLACE}, {drive_to: [x, y, yaw]}"
+EXAMPLES: Final = (
+    "{move: 0.5}, {turn: 90 deg}, {follow: heart}, {wait: 2}, {goto: PLACE}, {drive_to: [x, y, yaw]}, "
+    "{route: GRAPH.geojson, to: PLACE}"
+)
 
 
 def is_step(keys: Any) -> bool:
     """Return True for the keys of a mapping that is a step."""
-    return any(kind in keys for kind in KINDS)
+    return _kinds(keys) != []
+
+
+def _kinds(keys: Any) -> list[str]:
+    """Return the kinds of step that keys of a mapping name; `follow` of a route is a value of it."""
+    found = [kind for kind in KINDS if kind in keys]
+    return ["route"] if "route" in found and set(found) <= {"route", "follow"} else found
 
 
 def read_step(
@@ -146,7 +181,7 @@ def read_step(
 
     Raises InvalidMotionError, and InvalidTrajectoryError for a file.
     """
-    kinds = [kind for kind in KINDS if kind in values]
+    kinds = _kinds(values)
     if len(kinds) != 1:
         raise InvalidMotionError(f"{short_repr(dict(values))} is not one step; steps are {EXAMPLES}")
     kind, known = kinds[0], places or {}
@@ -158,6 +193,8 @@ def read_step(
         values[kind] = list(known[target])
         if kind == "goto":
             values["place"] = target
+    if kind == "route":
+        _read_graph(values, known, folder)
     if kind == "follow" and isinstance(target, str) and target not in SHAPES and "trajectory" not in values:
         if folder is None:
             raise InvalidMotionError(f"the step follow {short_repr(target)} has no trajectory")
@@ -191,6 +228,9 @@ def step_text(step: Step) -> str:
             return f"follow {Path(step.follow).stem}"
         case WaitStep():
             return f"wait {step.wait:g} s"
+        case RouteStep():
+            to = f"node {step.to}" if isinstance(step.to, int) else ", ".join(f"{v:g}" for v in step.to)
+            return f"route {Path(step.route).stem} to {to}"
         case GoToStep():
             return step.place or f"{', '.join(f'{v:g}' for v in step.goto)}"
 
@@ -243,8 +283,44 @@ def _motion(step: Step, params: MotionParams) -> Behavior:
             )
         case WaitStep():
             return Pause(step.wait, params)
+        case RouteStep():
+            return route_of(step)
         case GoToStep():
             raise InvalidMotionError("goto is a goal, not a motion; send it to the goal manager")
+
+
+def route_of(step: RouteStep) -> FollowRoute:
+    """Return the drive of a step. Raises ParameterError, and InvalidGraphError for the graph, or an edge that is not there."""
+    graph = parse_graph(step.graph or "", step.route)
+    params, scorers = read_scorers(step.parameters)
+    planner = RoutePlanner(graph, params, scorers)
+    for edge in step.closed:
+        graph.edge(edge)
+    if step.closed:
+        planner.dynamic_edges.adjust(closed=step.closed)
+    goal = step.to if isinstance(step.to, int) else GoToStep(goto=step.to).pose
+    if isinstance(goal, int):
+        graph.node(goal)
+    return FollowRoute(planner, goal, operations=read_operations(step.parameters), between_nodes=step.follow)
+
+
+def _read_graph(values: dict[str, Any], places: Mapping[str, Pose2D], folder: Path | None) -> None:
+    """Put the pose of a place and the text of the graph into the values of a route."""
+    target, file = values.get("to"), values["route"]
+    if isinstance(target, str):
+        if target not in places:
+            raise InvalidMotionError(
+                f'to "{target}" of the route is not a place; known places: {", ".join(places) or "none"}'
+            )
+        values["to"] = list(places[target])
+    if "graph" not in values and isinstance(file, str):
+        if folder is None:
+            raise InvalidMotionError(f"the step route {short_repr(file)} has no graph")
+        path = folder / Path(file).expanduser()
+        try:
+            values["graph"] = graph_text(load_graph(path))
+        except InvalidGraphError as exc:
+            raise InvalidMotionError(exc.message) from None
 
 
 def _changed(params: MotionParams, step: _Step, **values: Any) -> MotionParams:

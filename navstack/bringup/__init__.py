@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.bringup.basic_navigator import PASSED_RADIUS_M as PASSED_RADIUS_M
     from navstack.bringup.basic_navigator import BasicNavigator as BasicNavigator
     from navstack.bringup.basic_navigator import TaskFeedback as TaskFeedback
     from navstack.bringup.basic_navigator import TaskResult as TaskResult

@@ -6,7 +6,7 @@ import itertools
 import logging
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final, NoReturn
@@ -14,13 +14,20 @@ from typing import Any, Final, NoReturn
 import numpy as np
 
 from navstack.behaviors import (
+    NO_EXECUTOR,
     BackUp,
     BackUpParams,
     BehaviorRunner,
     DriveOnHeading,
     DriveOnHeadingParams,
+    ExecutorFailedError,
+    MissedWaypointError,
+    NoWaypointsError,
     Spin,
     SpinParams,
+    WaypointExecutor,
+    WaypointReport,
+    WaypointStatus,
 )
 from navstack.bringup.build import build_move_base, simulated_robot
 from navstack.core import (
@@ -65,6 +72,17 @@ from navstack.plugins import (
     ControlInput,
     CostmapServer,
     Plan,
+)
+from navstack.routes import (
+    FollowRoute,
+    PlannedRoute,
+    RouteFeedback,
+    RouteGraph,
+    RouteOperation,
+    RoutePlanner,
+    load_graph,
+    read_operations,
+    read_scorers,
 )
 
 _LOG = logging.getLogger("navstack.basic_navigator")
@@ -172,6 +190,8 @@ class NavigatorServices(ABC):
     move_base: MoveBase
     _now: float
     _error: tuple[int, str]
+    _router: RoutePlanner | None
+    _route_operations: list[RouteOperation]
     _place: Callable[[Pose2D], None] | None
     """Initializes the localization, if it can be initialized."""
 
@@ -306,6 +326,48 @@ class NavigatorServices(ABC):
         for layer in costmap.layers:
             call(layer, lambda layer=layer: layer.reset(square, invert=invert))
 
+    # --- routes ---------------------------------------------------------------------------------------------------------
+
+    def setRouteGraph(
+        self, graph_filepath: str | os.PathLike[str] | RouteGraph, parameters: Mapping[str, Any] | None = None
+    ) -> bool:
+        """Use this route graph (Nav2's service set_route_graph), with parameters of Nav2's route_server.
+
+        Raises InvalidGraphError for the file, ParameterError.
+        """
+        graph = graph_filepath if isinstance(graph_filepath, RouteGraph) else load_graph(graph_filepath)
+        params, scorers = read_scorers(parameters or {})
+        self._route_operations = read_operations(parameters or {})
+        self._router = RoutePlanner(graph, params, scorers)
+        return True
+
+    @property
+    def router(self) -> RoutePlanner:
+        """The planner of routes, whose `dynamic_edges` close and open edges. Raises InputError before `setRouteGraph`."""
+        if self._router is None:
+            raise InputError("there is no route graph yet; call setRouteGraph with a GeoJSON file first")
+        return self._router
+
+    def getRoute(
+        self, start: Pose2D | int, goal: Pose2D | int, use_start: bool = False
+    ) -> tuple[Path, PlannedRoute] | None:
+        """Return path and route between poses or node ids, from the robot's pose unless `use_start`, or `start` is an id.
+
+        None without a route, with code (400 to 407) and reason in `getTaskError`.
+        """
+        self._error = NO_ERROR
+        costmap = self.move_base.global_costmap
+        try:
+            self.router.costmap = costmap.master
+            begin = start if use_start or isinstance(start, int) else costmap.robot_pose(self._now)
+            found = self.router.plan(begin, goal)
+        except NavError as exc:
+            if self._router is None:
+                raise
+            self._error = (exc.code, exc.message)
+            return None
+        return found.path, found
+
     # --- life cycle and log -------------------------------------------------------------------------------------------
 
     def waitUntilNav2Active(self, navigator: str = "bt_navigator", localizer: str = "amcl") -> None:
@@ -382,12 +444,6 @@ class NavigatorServices(ABC):
         """Raise NotSupportedError."""
         not_supported("followGpsWaypoints", "convert the positions to the map's frame, then followWaypoints")
 
-    def getRoute(self, *_: Any, **__: Any) -> NoReturn:
-        """Raise NotSupportedError."""
-        not_supported("a route graph", "getPathThroughPoses plans through the poses of a route")
-
-    getAndTrackRoute = getRoute
-
 
 class BasicNavigator(NavigatorServices):
     """Executes one task at a time: a pose, poses to drive through, waypoints to stop at, a path, or a behavior (spin, backup).
@@ -428,6 +484,14 @@ class BasicNavigator(NavigatorServices):
         self._past_recoveries = 0
         self._runner = BehaviorRunner(Schedule, call)
         self._remaining = 0.0
+        self._router = None
+        self._route_operations = []
+        self.waypoint_report: list[WaypointReport] = []
+        """How the waypoints of the last followWaypoints went, in the order in which they were driven to."""
+        self._executor: WaypointExecutor = NO_EXECUTOR
+        self._loop = self._loops = 0
+        self._set_out = 0.0
+        """When the robot set out for the current waypoint (s)."""
         self._result: TaskResult | None = TaskResult.UNKNOWN
         self._error: tuple[int, str] = NO_ERROR
 
@@ -479,14 +543,61 @@ class BasicNavigator(NavigatorServices):
         return self._drive_to(tuple(poses), frame, through=True, stop_on_failure=True)
 
     def followWaypoints(
-        self, poses: Sequence[Pose2D], frame: str | None = None, *, stop_on_failure: bool = False
+        self,
+        poses: Sequence[Pose2D],
+        frame: str | None = None,
+        *,
+        stop_on_failure: bool = False,
+        number_of_loops: int = 0,
+        goal_index: int = 0,
+        executor: WaypointExecutor | None = None,
     ) -> bool:
-        """Drive to every pose in order and stop there.
+        """Drive to every pose in order, stop there, and do a task: `executor`, such as WaitAtWaypoint or any function.
 
-        A waypoint that cannot be reached is skipped (`missed_waypoints`), or ends the task with `stop_on_failure`. Nav2
-        differs: there a task with missed waypoints has SUCCEEDED.
+        `number_of_loops` more times, the first time from `goal_index`. A waypoint that cannot be reached, or whose task fails,
+        is missed (`missed_waypoints`, `waypoint_report`), or ends the task with `stop_on_failure` (codes 603 and 601). Nav2
+        differs: there a task with missed waypoints has SUCCEEDED. Raises NoWaypointsError (602).
         """
-        return self._drive_to(tuple(poses), frame, through=False, stop_on_failure=stop_on_failure)
+        if not poses:
+            raise NoWaypointsError("the list of waypoints is empty; give at least one")
+        if not 0 <= goal_index < len(poses) or number_of_loops < 0:
+            wrong = f"goal_index {goal_index} or number_of_loops {number_of_loops} is wrong"
+            raise NoWaypointsError(f"{wrong}: waypoints are 0 to {len(poses) - 1}, loops 0 or more")
+        self._drive_to(tuple(poses), frame, through=False, stop_on_failure=stop_on_failure, begin=goal_index)
+        self._executor, self._loops = executor or NO_EXECUTOR, number_of_loops
+        return True
+
+    def getAndTrackRoute(self, start: Pose2D | int, goal: Pose2D | int, use_start: bool = False) -> bool:
+        """Drive along a route on the graph of `setRouteGraph`; `getRouteFeedback` has nodes and edges. Arguments of `getRoute`.
+
+        ROS differs: Nav2 only tracks, and a client follows the path; here the task drives, and plans another route when the way
+        is blocked. Fails with the codes 400 to 407.
+        """
+        begin = start if use_start or isinstance(start, int) else None
+        drive = FollowRoute(self.router, goal, start=begin, operations=self._route_operations)
+        return self._run_behavior(drive)
+
+    followRoute = getAndTrackRoute
+
+    def getRouteFeedback(self) -> RouteFeedback | None:
+        """Return the progress on the route; None without one."""
+        running = self._runner.running
+        return running.feedback() if isinstance(running, FollowRoute) else None
+
+    def adjustEdges(
+        self, closed: Sequence[int] = (), opened: Sequence[int] = (), costs: Mapping[int, float] | None = None
+    ) -> None:
+        """Close, open or weight edges (ids) of the route graph; a route that is being driven is planned again if need be.
+
+        Raises InvalidGraphError for an edge that is not there, InputError for a cost below 0.
+        """
+        running = self._runner.running
+        if isinstance(running, FollowRoute):
+            running.adjust_edges(closed, opened, costs)
+            return
+        for edge in (*closed, *opened, *(costs or {})):
+            self.router.graph.edge(edge)
+        self.router.dynamic_edges.adjust(closed, opened, costs)
 
     def followPath(self, path: Path, controller_id: str = "", goal_checker_id: str = "") -> bool:
         """Follow `path` with the local planner, without the global planner and without recoveries, to its last pose.
@@ -567,7 +678,7 @@ class BasicNavigator(NavigatorServices):
         if self._result is not None:
             return None
         spent = self._now - self._started_at
-        if self._runner.running is not None:
+        if self._runner.running is not None and not self._poses:
             return TaskFeedback(self._robot_pose(), self._remaining, spent, None, 0, 0, 0)
         now = self.move_base.feedback
         left = now.distance_remaining
@@ -592,18 +703,23 @@ class BasicNavigator(NavigatorServices):
 
     # --- execution ----------------------------------------------------------------------------------------------------
 
-    def _drive_to(self, poses: tuple[Pose2D, ...], frame: str | None, *, through: bool, stop_on_failure: bool) -> bool:
+    def _drive_to(
+        self, poses: tuple[Pose2D, ...], frame: str | None, *, through: bool, stop_on_failure: bool, begin: int = 0
+    ) -> bool:
         if not poses:
             raise InputError("the list of poses is empty; give at least one")
         if self._runner.running is not None:
             self.cancelTask()
         self._poses, self._frame = poses, frame
         self._through, self._stop_on_failure = through, stop_on_failure
-        self._index = 0
+        self._index = begin
         self._past_recoveries = 0
         self.missed_waypoints = []
+        self.waypoint_report = []
+        self._executor, self._loop, self._loops = NO_EXECUTOR, 0, 0
         self._start_task()
-        self._handle = self.move_base.send_goal(poses[0], frame)
+        self._set_out = self._now
+        self._handle = self.move_base.send_goal(poses[begin], frame)
         return True
 
     def _robot_pose(self) -> Pose2D | None:
@@ -637,7 +753,7 @@ class BasicNavigator(NavigatorServices):
         if not handle.is_done:
             if self._through and not last and self._has_passed(handle):
                 self._past_recoveries += self.move_base.feedback.recoveries
-                self._next_pose()
+                self._end_waypoint(None)
             return
         result = handle.result
         if handle.status is GoalStatus.PREEMPTED or handle.status is GoalStatus.RECALLED:
@@ -646,15 +762,71 @@ class BasicNavigator(NavigatorServices):
             return
         self._past_recoveries += result.recoveries
         if handle.status is not GoalStatus.SUCCEEDED:
+            self._end_waypoint((result.error_code, result.message or handle.text))
+        elif self._through:
+            self._end_waypoint(None)
+        else:
+            self._do_task()
+
+    def _do_task(self) -> None:
+        """Do the task of a waypoint that was reached; a behavior runs in the next cycles."""
+        index, pose = self._index, self._poses[self._index]
+        try:
+            found = self._executor(index, pose)
+            if isinstance(found, Behavior):
+                end = self._runner.start(
+                    found, self.move_base.recovery_context, self._now, self.move_base.params.controller_frequency
+                )
+                if end is None:
+                    return
+                self._runner.drop(self._now)
+                raise end.error or NavError(end.text)
+        except Exception as exc:  # whatever a function of the user raises is the failure of this waypoint
+            why = exc.message if isinstance(exc, NavError) else f"{type(exc).__name__}: {exc}"
+            self._end_waypoint((ExecutorFailedError.code, f"the task at waypoint {index} failed: {why}"))
+            return
+        self._end_waypoint(
+            (ExecutorFailedError.code, f"the task at waypoint {index} failed") if found is False else None
+        )
+
+    def _end_waypoint(self, error: tuple[int, str] | None) -> None:
+        """Report the current waypoint, and go on to the next one, or end the task."""
+        code, text = error or NO_ERROR
+        status = WaypointStatus.COMPLETED if error is None else WaypointStatus.FAILED
+        report = WaypointReport(
+            self._index, self._poses[self._index], status, code, text, self._loop, self._set_out, self._now
+        )
+        self.waypoint_report.append(report)
+        if error is not None:
             self.missed_waypoints.append(self._index)
-            self._error = (result.error_code, result.message or handle.text)
+            self._error = error
             if self._through or self._stop_on_failure:
+                if not self._through and len(self._poses) > 1 and code != ExecutorFailedError.code:
+                    self._error = (MissedWaypointError.code, f"waypoint {self._index} was missed: {text} ({code})")
+                self._skip_rest()
                 self._result = TaskResult.FAILED
                 return
-        if last:
-            self._result = TaskResult.FAILED if self.missed_waypoints else TaskResult.SUCCEEDED
+        if self._index + 1 < len(self._poses):
+            self._next_pose(self._index + 1)
+        elif self._loop < self._loops:
+            self._loop += 1
+            self._next_pose(0)
         else:
-            self._next_pose()
+            self._result = TaskResult.FAILED if self.missed_waypoints else TaskResult.SUCCEEDED
+
+    def _skip_rest(self) -> None:
+        """Report the waypoints of this loop that are left out."""
+        for index in range(self._index + 1, len(self._poses)):
+            self.waypoint_report.append(
+                WaypointReport(
+                    index,
+                    self._poses[index],
+                    WaypointStatus.SKIPPED,
+                    loop=self._loop,
+                    started_s=self._now,
+                    ended_s=self._now,
+                )
+            )
 
     def _has_passed(self, handle: GoalHandle) -> bool:
         move_base = self.move_base
@@ -663,8 +835,9 @@ class BasicNavigator(NavigatorServices):
             return False
         return robot.distance_to(goal) <= PASSED_RADIUS_M
 
-    def _next_pose(self) -> None:
-        self._index += 1
+    def _next_pose(self, index: int) -> None:
+        self._index = index
+        self._set_out = self._now
         self._handle = self.move_base.send_goal(self._poses[self._index], self._frame)
 
     def _run_behavior(self, behavior: Behavior) -> bool:
@@ -689,7 +862,10 @@ class BasicNavigator(NavigatorServices):
             if not call(costmap, costmap.is_current, now, check=checked_flag):
                 raise stale_sensors(costmap, "is stale, so the robot must not move")
         except NavError as exc:
-            self._end_behavior(TaskResult.FAILED, exc)
+            if self._poses:
+                self._end_task_at_waypoint(exc)
+            else:
+                self._end_behavior(TaskResult.FAILED, exc)
             return
         found = self._runner.step(move_base.local_state, now)
         step = found if isinstance(found, BehaviorStep) else found.step
@@ -697,10 +873,20 @@ class BasicNavigator(NavigatorServices):
             self._remaining = float(step.data.get("left_m", step.data.get("left_rad", 0.0)))
         if isinstance(found, BehaviorStep):
             call(robot, robot.command, found.twist)
+        elif self._poses:
+            self._end_task_at_waypoint(found.error)
         elif found.error is None:
             self._end_behavior(TaskResult.SUCCEEDED, None)
         else:
             self._end_behavior(TaskResult.FAILED, found.error)
+
+    def _end_task_at_waypoint(self, error: NavError | None) -> None:
+        """Go on after the behavior at a waypoint."""
+        self._runner.drop(self._now)
+        robot = self.move_base.robot
+        call(robot, robot.command, Twist2D())
+        why = "" if error is None else f"the task at waypoint {self._index} failed: {error.message}"
+        self._end_waypoint(None if error is None else (ExecutorFailedError.code, why))
 
     def _end_behavior(self, result: TaskResult, error: NavError | None) -> None:
         self._runner.drop(self._now)

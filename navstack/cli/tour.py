@@ -55,7 +55,11 @@ class TourOptions(NamedTuple):
     """Places on a map, and how to visit them."""
 
     places: Annotated[
-        str, typer.Argument(metavar="PLACES.yaml", help="File of named places, or name of a packaged map.")
+        str,
+        typer.Argument(
+            metavar="PLACES.yaml",
+            help="File of places (.yaml, .csv with x,y,yaw, .geojson with points), or name of a packaged map.",
+        ),
     ] = "office"
     map_: Annotated[
         str | None,
@@ -81,6 +85,14 @@ class TourOptions(NamedTuple):
         TourOrder, typer.Option("--order", help="Order of the visits: as given, by name, or shuffled by the seed.")
     ] = TourOrder.given
     loops: Annotated[int, typer.Option("--loops", help="How often to drive the tour.", min=1, max=1000)] = 1
+    goal_index: Annotated[
+        int,
+        typer.Option("--goal-index", help="Begin with this goal, counted from 0; later loops have all of them.", min=0),
+    ] = 0
+    through: Annotated[
+        bool,
+        typer.Option("--through/--stop", help="Pass places within 0.7 m without a stop; only the last one is reached."),
+    ] = False
     rest: Annotated[float, typer.Option("--rest", help="Pause between two goals (simulated s).", min=0.0)] = 0.0
     time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit per goal (simulated s).", min=0.1)] = (
         300.0
@@ -108,6 +120,12 @@ class TourOptions(NamedTuple):
         path, grid = map_of(map_name)
         steps = self._steps(places)
         names = tuple(step_text(step) for step in steps) or self._names(file, places)
+        if self.goal_index >= len(names) // self.loops:
+            last = len(names) // self.loops - 1
+            raise InputError(
+                f"--goal-index {self.goal_index}: the tour has the goals 0 to {last}", argument="--goal-index"
+            )
+        names, steps = names[self.goal_index :], steps[self.goal_index :]
         start = self._start(file, places)
         configuration = load_configuration(self.params, overrides=self.set_, distro=self.distro)
         print_warnings(configuration, self.params, self.set_, distro=self.distro, simulated=True)
@@ -123,6 +141,7 @@ class TourOptions(NamedTuple):
             seed=self.seed,
             time_limit_s=self.time_limit,
             pause_s=self.rest,
+            pass_through=self.through,
             stop_on_failure=self.stop_on_failure,
             names={
                 "map": path.name,

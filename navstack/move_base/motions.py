@@ -53,6 +53,8 @@ class MotionHandle:
     ended_at: float | None = None
     has_begun: bool = False
     """True after its first step."""
+    line: Path | None = None
+    """The path that was published last; a motion may change it."""
 
     @property
     def is_done(self) -> bool:
@@ -196,6 +198,8 @@ class MotionRunner:
             self._end(handle, now, found.error)
             return
         motion = handle.motion
+        if motion.reference is not handle.line:
+            self._publish_line(handle, now)
         try:
             self._output.tick.local_plan = call(motion, getattr, motion, "local_plan", check=checked_braking)
         except NavError as exc:
@@ -279,6 +283,7 @@ class MotionRunner:
     def _publish_line(self, handle: MotionHandle, now: float) -> None:
         motion = handle.motion
         target, path = motion.target, motion.reference
+        handle.line = path
         if path is not None:
             path = call(motion, lambda: path, check=checked_path)
         if path is not None and target is not None and path.length > 0.0:

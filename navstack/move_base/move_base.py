@@ -806,6 +806,9 @@ class MoveBase:
             local_planner,
             controller_frequency,
             partial(localization_status, self.robot),
+            self.control_input,
+            self.make_plan,
+            lambda now, text: self._events.info(now, text),
         )
 
     # --- goals --------------------------------------------------------------------------------------------------------

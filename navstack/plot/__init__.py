@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from navstack.plot.maps import plot_map as plot_map
     from navstack.plot.passages import plot_passage_report as plot_passage_report
     from navstack.plot.plan import plot_plan as plot_plan
+    from navstack.plot.routes import plot_graph as plot_graph
     from navstack.plot.run import circumstances as circumstances
     from navstack.plot.run import headline as headline
     from navstack.plot.run import plot_run as plot_run

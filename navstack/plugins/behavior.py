@@ -12,7 +12,8 @@ from typing_extensions import TypeVar
 
 from navstack.core import Path, Pose2D, RobotState, Twist2D
 from navstack.plugins.costmap import CostmapServer
-from navstack.plugins.local_planner import LocalPlan, LocalPlanner
+from navstack.plugins.global_planner import Plan
+from navstack.plugins.local_planner import ControlInput, LocalPlan, LocalPlanner
 from navstack.plugins.localization import LocalizationStatus
 from navstack.plugins.parameters import ParamModel
 
@@ -30,6 +31,12 @@ class BehaviorContext:
     controller_frequency: float = 20.0
     localization: Callable[[], LocalizationStatus | None] = lambda: None
     """Returns whether the robot is localized; None for a robot that does not report it."""
+    control_input: Callable[[Plan, float], ControlInput] | None = None
+    """Returns the local planner's input for a plan at a time (s); None without move_base. Raises NavError."""
+    make_plan: Callable[[Pose2D, Pose2D], Plan] | None = None
+    """Plans to a goal from a start, in the global costmap's frame; None without move_base. Raises PlanningError."""
+    inform: Callable[[float, str], None] = lambda now, text: None
+    """Writes a message of a time (s) to the record."""
 
 
 class BehaviorStatus(Enum):
@@ -95,6 +102,9 @@ class Behavior(ABC, Generic[P]):
     def describe(self) -> dict[str, Any]:
         """Return what it will do, as JSON data for the record."""
         return {}
+
+    def release(self) -> None:
+        """Undo what must not outlast the behavior, such as a speed limit; called after its end, also by a cancel or an error."""
 
     def follow_up(self, state: RobotState, now: float) -> bool:
         """Continue effects that outlast the behavior, such as a speed limit for a distance; return False at their end.

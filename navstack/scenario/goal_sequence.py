@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from navstack.behaviors import Step, step_text
+from navstack.bringup import PASSED_RADIUS_M
 from navstack.core import Pose2D, angle_between, jsonable
-from navstack.move_base import GoalHandle, GoalTimeLimitError, MotionHandle, MoveBase
+from navstack.move_base import GoalHandle, GoalResult, GoalStatus, GoalTimeLimitError, MotionHandle, MoveBase
 from navstack.plugins import Behavior
 from navstack.scenario.outcome import GoalOutcome, RunMeasurements
 from navstack.sim import SimulatedRobot
@@ -54,8 +55,12 @@ class GoalSequence:
         pause_s: float,
         time_limit_s: float,
         stop_on_failure: bool,
+        pass_through: bool = False,
     ) -> None:
-        """`time_limit_s` is that of a goal or motion: it is aborted then, as by `navstack/goal_time_limit`."""
+        """`pass_through`: a goal counts as reached within PASSED_RADIUS_M, and the next one replaces it.
+
+        `time_limit_s` is that of a goal or motion: it is aborted then, as by `navstack/goal_time_limit`.
+        """
         self.waiting: list[Pose2D | Step] = list(goals)
         self.loop = False
         """Append each goal again when it is sent."""
@@ -63,6 +68,9 @@ class GoalSequence:
         self.outcomes: list[GoalOutcome] = []
         self.pause_until = 0.0
         """Earliest time for the next goal (s)."""
+        self._pass_through = pass_through
+        self._passed: set[int] = set()
+        """Indices of the goals that were passed."""
         self._sent = 0
         self._skipped = 0
         self._robot, self._measurements = robot, measurements
@@ -87,6 +95,18 @@ class GoalSequence:
         if self.loop:
             self.waiting.append(goal)
         return self.send(goal, move_base)
+
+    def pass_on(self, move_base: MoveBase) -> SentGoal | None:
+        """Sends the next goal in place of one that the robot passes; None otherwise."""
+        if not self._pass_through or len(self.under_way) != 1 or not self.waiting:
+            return None
+        current, following = self.under_way[0], self.waiting[0]
+        if current.pose is None or not isinstance(following, Pose2D) or current.handle.is_done:
+            return None
+        if move_base.goal_handle is not current.handle or self._robot.pose.distance_to(current.pose) > PASSED_RADIUS_M:
+            return None
+        self._passed.add(current.index)
+        return self.send_next(move_base)
 
     def send(self, goal: Pose2D | Step, move_base: MoveBase) -> SentGoal:
         """Sends a goal, which replaces the one under way, or starts a motion."""
@@ -131,10 +151,12 @@ class GoalSequence:
         robot, result = self._robot, sent.handle.result
         goal = sent.target or robot.pose
         motion = sent.handle if isinstance(sent.handle, MotionHandle) else None
+        if sent.index in self._passed:
+            result = GoalResult(GoalStatus.SUCCEEDED, f"passed within {PASSED_RADIUS_M:g} m without a stop")
         return GoalOutcome(
             goal=goal,
-            state=sent.handle.status.name,
-            text=sent.handle.text,
+            state=result.status.name if sent.index in self._passed else sent.handle.status.name,
+            text=result.text if sent.index in self._passed else sent.handle.text,
             error_code=result.error_code,
             error_name=result.error_name,
             message=result.message,

@@ -132,6 +132,16 @@ class ClearCostmaps(_Interaction):
     kind: Literal["clear_costmaps"] = param("clear_costmaps", "clear both costmaps")
 
 
+class Edges(_Interaction):
+    """Closes, opens and weights edges of the route graph in use; the route is planned again where that matters."""
+
+    kind: Literal["edges"] = param("edges", "close, open or weight edges of the route graph")
+    close: Annotated[list[int], Field(max_length=10_000)] = param([], "ids of edges to close")
+    open: Annotated[list[int], Field(max_length=10_000)] = param([], "ids of edges to open again")
+    costs: dict[int, float] = param({}, "cost by id that is added to an edge; 0 removes it")
+    reroute: bool = param(False, "plan the route again in any case")
+
+
 class Wait(_Interaction):
     """Lets the run go on without a goal."""
 
@@ -151,6 +161,7 @@ Interaction = Annotated[
     | Drive
     | Teleop
     | ClearCostmaps
+    | Edges
     | Wait,
     Field(discriminator="kind"),
 ]
@@ -161,7 +172,7 @@ KINDS = tuple(
     model.model_fields["kind"].default
     for model in (
         *(GoTo, Queue, Cancel, PutShape, RemoveShape),
-        *(PlaceRobot, Kidnap, SetParameters, Drive, Teleop, ClearCostmaps, Wait),
+        *(PlaceRobot, Kidnap, SetParameters, Drive, Teleop, ClearCostmaps, Edges, Wait),
     )
 )
 

@@ -11,11 +11,13 @@ from navstack.core import Event, InputError, Listener, Twist2D
 from navstack.move_base import BusyError, MoveBase
 from navstack.parameters import Configuration, load_configuration, value_text
 from navstack.record import RunRecorder, SolidNames
+from navstack.routes import FollowRoute
 from navstack.scenario.goal_sequence import GoalSequence, SentGoal
 from navstack.scenario.interactions import (
     Cancel,
     ClearCostmaps,
     Drive,
+    Edges,
     GoTo,
     Kidnap,
     PlaceRobot,
@@ -114,6 +116,8 @@ class Interventions:
             case ClearCostmaps():
                 self._move_base.clear_costmaps()
                 self._note("cleared the costmaps")
+            case Edges():
+                self._adjust_edges(item)
             case Wait():
                 pass
             case _:
@@ -149,6 +153,24 @@ class Interventions:
         except BusyError:  # a goal was sent: it drives now
             self.teleop = None
         return self.teleop is not None
+
+    def _adjust_edges(self, item: Edges) -> None:
+        running = self._move_base.motions.running
+        motion = None if running is None else running.motion
+        if not isinstance(motion, FollowRoute):
+            raise InputError(
+                "no route is being driven, so there are no edges to change; send this while a route step runs"
+            )
+        motion.adjust_edges(item.close, item.open, item.costs)
+        if item.reroute:
+            motion.request_reroute()
+        parts = [
+            f"{what} {_plural(len(ids), 'edge')}"
+            for what, ids in (("closed", item.close), ("opened", item.open))
+            if ids
+        ]
+        parts += [f"set the cost of {_plural(len(item.costs), 'edge')}"] if item.costs else []
+        self._note(", ".join(parts) or "asked for another route")
 
     def _put(self, shape: Shape) -> None:
         moved = shape.name in self.shapes

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Literal
 
 from navstack.behaviors import GoToStep, Step, is_step, read_step
-from navstack.core import InputError, Pose2D
+from navstack.core import InputError, Pose2D, normalize_angle, read_bytes
 from navstack.map_io import map_names, packaged_map_file
 from navstack.move_base import is_planar, yaw_of
 from navstack.parameters import DictNode, ListNode, Location, Node, ScalarNode, plain, read_yaml
+from navstack.routes import load_points
 
 Order = Literal["given", "sorted", "random"]
 
 _POSE = "[x, y, yaw], {x, y, yaw} or {position: {x, y}, orientation: {x, y, z, w}}"
+_MAX_CSV_BYTES = 10_000_000
 _KEYS = ("places", "locations", "start", "goals")
 
 
@@ -131,12 +133,21 @@ def load_places(source: str | Path) -> Places:
         start: [0.8, 7.45, 0]                # a pose, or the name of a place
         goals: [office, kitchen]             # names, poses or steps ({move: 0.5}); default: every place
 
+    A .csv file has a line `x,y`, `x,y,yaw` or `x,y,yaw,name` per place, in the order of the visits; a header and lines that
+    begin with # are skipped. Of a .geojson file the points count, by `name`, with `yaw`.
+
     A string without a suffix is the name of a packaged map. Raises MapError for an unknown name, and InputError, whose
     message begins with file:line:column, for a file with errors.
     """
     path = Path(source)
     if isinstance(source, str) and (source in map_names() or not path.suffix):
         path = packaged_map_file(source, ".places.yaml")
+    if path.suffix.lower() == ".csv":
+        listed = _from_csv(path)
+        return Places(listed, None, tuple(listed))
+    if path.suffix.lower() == ".geojson":
+        listed = load_points(path)
+        return Places(listed, None, tuple(listed))
     file = read_yaml(path, any_key=True)
     errors = [f for f in file.findings if f.severity == "error" or f.rule == "duplicated"]
     if errors:
@@ -151,6 +162,46 @@ def load_places(source: str | Path) -> Places:
         steps = tuple(_step(node, places, i, path.parent) for i, node in enumerate(listing.items, 1))
         return Places(places, start, tuple(s.place for s in steps if isinstance(s, GoToStep)), steps)
     return Places(places, start, _goal_names(listing, places))
+
+
+def _from_csv(path: Path) -> dict[str, Pose2D]:
+    """Return the poses of a CSV file by name, or by number from 1."""
+    try:
+        lines = read_bytes(path, _MAX_CSV_BYTES).decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as exc:
+        raise InputError(f"{path} is not UTF-8 (byte {exc.start}); save it as UTF-8", file=str(path)) from None
+    except OSError as exc:
+        raise InputError(f"{path} cannot be read: {exc.strerror or exc}", file=str(path)) from None
+    found: dict[str, Pose2D] = {}
+    for number, line in enumerate(lines, 1):
+        fields = [field.strip() for field in line.split(",")]
+        if (
+            not line.strip()
+            or line.lstrip().startswith("#")
+            or (not found and [f.lower() for f in fields[:2]] == ["x", "y"])
+        ):
+            continue
+        column, numbers = 1, list[float]()
+        if not 2 <= len(fields) <= 4:
+            count = f"{len(fields)} value{'' if len(fields) == 1 else 's'}"
+            raise _error(Location(str(path), number, 1), f"the line has {count}; write x,y,yaw (m, m, rad)")
+        for text, what in zip(fields[:3], ("x", "y", "yaw")):
+            try:
+                numbers.append(float(text))
+            except ValueError:
+                numbers.append(math.nan)
+            if not math.isfinite(numbers[-1]):
+                raise _error(Location(str(path), number, column), f'{what} is "{text}"; write a finite number')
+            column = line.index(",", column - 1) + 2 if "," in line[column - 1 :] else column
+        name = fields[3] if len(fields) == 4 and fields[3] else str(len(found) + 1)
+        if name in found:
+            raise _error(
+                Location(str(path), number, 1), f'the place "{name}" is there twice; give each line its own name'
+            )
+        found[name] = Pose2D(numbers[0], numbers[1], normalize_angle(numbers[2]) if len(numbers) == 3 else 0.0)
+    if not found:
+        raise InputError(f"{path}: the file has no places; write a line x,y,yaw per place", file=str(path))
+    return found
 
 
 def is_step_node(node: Node) -> bool:

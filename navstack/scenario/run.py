@@ -174,6 +174,7 @@ class Run:
             pause_s=scenario.pause_s,
             time_limit_s=scenario.time_limit_s,
             stop_on_failure=scenario.stop_on_failure,
+            pass_through=scenario.pass_through,
         )
         self.interventions = Interventions(
             scenario, self.robot, self.move_base, self.goals, self.recorder, listening, self._record_goal
@@ -335,6 +336,9 @@ class Run:
     def _settle(self) -> None:
         """Stores the outcomes of ended goals and carries out the interactions whose time has come."""
         self.goals.finish_ended()
+        passed = self.goals.pass_on(self.move_base)
+        if passed is not None:
+            self._record_goal(passed)
         while self._upcoming and self._upcoming[0].time <= self.robot.time + self._time_tolerance:
             self.interact(self._upcoming.popleft())
         self.interventions.stop_driving()

@@ -83,6 +83,9 @@ class Scenario:
     stop_on_failure: Annotated[
         bool, described("skip the remaining goals after the first one that does not succeed"), Field(strict=True)
     ] = False
+    pass_through: Annotated[
+        bool, described("pass goals within 0.7 m without a stop; the last one is reached"), Field(strict=True)
+    ] = False
     name: Annotated[str, described("name of the scenario in tables; default: the name of the file")] = ""
     shapes: Annotated[tuple[_Shape, ...], Field(max_length=MAX_SHAPES)] = ()
     """Further obstacles: low objects, boxes, walls, doors, pedestrians, discs on tracks."""
@@ -161,7 +164,7 @@ class Scenario:
 
 _NOT_STORED: Final = {"map", "configuration", "names"}
 _REQUIRED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OMITTED: Final = ("name", "shapes", "steps", "interactions", "success")
+_OMITTED: Final = ("name", "shapes", "steps", "interactions", "success", "pass_through")
 """Fields that a record has only where they differ from their defaults."""
 
 

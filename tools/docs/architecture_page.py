@@ -19,7 +19,7 @@ PAGE: Final = ROOT / "docs" / "concepts" / "architecture.md"
 LEVELS: Final[tuple[tuple[str, ...], ...]] = (
     ("core",),
     ("plugins", "ros_messages"),
-    ("parameters", "testing"),
+    ("parameters", "testing", "routes"),
     (
         "map_io",
         "costmap",

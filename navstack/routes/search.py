@@ -1,0 +1,179 @@
+# pyright: basic
+"""Kernels: the shortest route in a graph, costs along lines of a costmap, and the search for the nearest of some cells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core import kernel, line_next, line_start
+
+REACHED = np.dtype([("route_cost", "f4"), ("by_edge", "i4"), ("in_search", "i8")])
+"""Of a node: cost from the start, the edge by which it was reached (-1: the start), and the number of the search that wrote both.
+
+One record lies in one line of the cache, and no search has to clear those of the one before."""
+
+FOUND, NO_ROUTE, TOO_MANY, NEEDS_POSES, NO_COST, QUEUE_FULL = range(6)
+"""Results of `shortest_route`."""
+NO_COST_WEIGHT = -1.0
+"""Weight of an edge whose own cost counts, but is 0. NaN: its scorers need poses; infinity: it is closed."""
+QUEUED = np.dtype([("priority", "f8"), ("route_cost", "f4"), ("node", "i4")])
+"""An entry of the queue of a search: lowest priority first."""
+
+
+@kernel
+def _push(queue, at, priority, cost, node):
+    """Move an entry up from the hole `at` to its place; entries that are equal stay above it."""
+    while at > 0:
+        parent = (at - 1) // 2
+        if not queue[parent].priority > priority:
+            break
+        queue[at] = queue[parent]
+        at = parent
+    queue[at].priority = priority
+    queue[at].route_cost = cost
+    queue[at].node = node
+
+
+@kernel
+def _pop(queue, size):
+    """Remove the first of `size` entries: the hole goes down to the bottom, the last entry up from there.
+
+    That is the order of the C++ standard library's heap, in which entries of equal cost, and so routes of equal cost, come.
+    """
+    rest = size - 1
+    priority, cost, node = queue[rest].priority, queue[rest].route_cost, queue[rest].node
+    at = child = 0
+    while child < (rest - 1) // 2:
+        child = 2 * (child + 1)
+        if queue[child].priority > queue[child - 1].priority:
+            child -= 1
+        queue[at] = queue[child]
+        at = child
+    if rest % 2 == 0 and rest > 0 and child == (rest - 2) // 2:
+        child = 2 * child + 1
+        queue[at] = queue[child]
+        at = child
+    _push(queue, at, priority, cost, node)
+
+
+@kernel
+def shortest_route(first, ends, weights, xy, reached, queue, search, start, goal, scale, max_iterations):
+    """Search from node `start` to `goal`; return (result, edge, nodes taken from the queue).
+
+    `weights` (m,) float32 are the costs of the edges, sums are float32 as in Nav2. `scale` is a lower bound of cost per meter:
+    with 0 it is Dijkstra's algorithm, with more A*. `reached` (n,) is marked with the number `search`; QUEUE_FULL asks for a
+    longer `queue`.
+    """
+    goal_x, goal_y = float(xy[goal, 0]), float(xy[goal, 1])
+    largest = np.finfo(np.float32).max
+    reached[start].route_cost = np.float32(0.0)
+    reached[start].by_edge = -1
+    reached[start].in_search = search
+    _push(queue, 0, 0.0, np.float32(0.0), start)
+    size, iterations = 1, 0
+    while size > 0 and iterations < max_iterations:
+        iterations += 1
+        cost, node = queue[0].route_cost, queue[0].node
+        _pop(queue, size)
+        size -= 1
+        if cost != reached[node].route_cost:
+            continue
+        if node == goal:
+            return FOUND, -1, iterations
+        for edge in range(first[node], first[node + 1]):
+            weight = weights[edge]
+            if np.isnan(weight):
+                return NEEDS_POSES, edge, iterations
+            if weight < 0.0:
+                return NO_COST, edge, iterations
+            total = cost + weight
+            to = ends[edge]
+            known = reached[to].route_cost if reached[to].in_search == search else largest
+            if total < known:
+                reached[to].route_cost = total
+                reached[to].by_edge = edge
+                reached[to].in_search = search
+                priority = float(total)
+                if scale > 0.0:
+                    dx, dy = xy[to, 0] - goal_x, xy[to, 1] - goal_y
+                    priority += scale * math.sqrt(dx * dx + dy * dy)
+                if size == len(queue):
+                    return QUEUE_FULL, -1, iterations
+                _push(queue, size, priority, total, to)
+                size += 1
+    return (TOO_MANY if iterations == max_iterations else NO_ROUTE), -1, iterations
+
+
+@kernel
+def edge_directions(steps, directions):
+    """Write the directions (k,) of `steps` (k, 2) float32: with the float32 function of the C library, as Nav2.
+
+    numpy has an own one, which differs in the last digits, and costs are to be the same.
+    """
+    for i in range(len(steps)):
+        directions[i] = math.atan2(steps[i, 1], steps[i, 0])
+
+
+@kernel
+def costs_along(cells, nx, lines, stride, figures):
+    """Look at every `stride`-th cell of lines (k, 4) = x0, y0, x1, y1; cells are flat, `nx` per row.
+
+    Writes `figures` (k, 5): highest cost without unknown cells, highest cost, sum of the costs without unknown cells, number of
+    cells, number of unknown cells. A line with a negative x0 is outside: its figures stay.
+    """
+    for i in range(len(lines)):
+        x0, y0, x1, y1 = lines[i, 0], lines[i, 1], lines[i, 2], lines[i, 3]
+        if x0 < 0:
+            continue
+        line = line_start(x0, y0, x1, y1, nx)
+        cell, error = y0 * nx + x0, line[0] // 2
+        known = highest = total = count = unknown = 0
+        for k in range(line[0] + 1):
+            if k % stride == 0:
+                cost = int(cells[cell])
+                count += 1
+                highest = max(highest, cost)
+                if cost == 255:
+                    unknown += 1
+                else:
+                    known = max(known, cost)
+                    total += cost
+            cell, error = line_next(cell, error, line)
+        figures[i, 0], figures[i, 1], figures[i, 2], figures[i, 3], figures[i, 4] = (
+            known,
+            highest,
+            total,
+            count,
+            unknown,
+        )
+
+
+@kernel
+def nearest_by_cells(cells, nx, start, wanted, max_iterations):
+    """Return the index of the first of the cells `wanted` (k,) that a breadth-first search from the cell `start` meets, or -1.
+
+    It goes to the 8 neighbors, through unknown cells, not through costs of 253 and 254; `wanted` may have -1 for none.
+    """
+    offsets = np.array([-1, 1, -nx, nx, -nx - 1, -nx + 1, nx - 1, nx + 1])
+    visited = np.zeros(len(cells), np.bool_)
+    queue = np.empty(len(cells), np.int32)
+    queue[0], visited[start] = start, True
+    head, tail = 0, 1
+    while head < tail and head < max_iterations:
+        cell = queue[head]
+        head += 1
+        for k in range(len(wanted)):
+            if wanted[k] == cell:
+                return k
+        for offset in offsets:
+            other = cell + offset
+            if other < 0 or other >= len(cells) or abs(other % nx - cell % nx) > 1 or visited[other]:
+                continue
+            if 253 <= cells[other] <= 254:
+                continue
+            visited[other] = True
+            queue[tail] = other
+            tail += 1
+    return -1
