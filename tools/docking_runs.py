@@ -61,6 +61,8 @@ class Case:
     dock: dict[str, Any] = field(default_factory=dict)
     """Parameters of the simulated dock."""
     shapes: tuple[Shape, ...] = ()
+    options: dict[str, Any] = field(default_factory=dict)
+    """Arguments of `Docking`."""
     start: Pose2D = Pose2D(0.5, -0.8, 0.5)
     meddle: Callable[[Docking, SimulatedRobot], None] | None = None
     """Called after each tick."""
@@ -154,7 +156,7 @@ class Bench:
 def run(case: Case, seed: int, start: Pose2D | None = None) -> Outcome:
     """Dock once."""
     bench = Bench(case, seed, start)
-    task = bench.dock(case.meddle)
+    task = bench.dock(case.meddle, **case.options)
     error = contact_error(bench.configuration.navstack.sim.dock("home"), bench.robot.pose)
     return Outcome(
         task.result.error_code,
@@ -209,7 +211,7 @@ def cases() -> list[Case]:
         Case("detection lost 0.5 m before the marker", 904, sim={"dock_camera": {"range_min": 0.5}}),
         Case("reflector of another shape", 904, REFLECTOR, dock={"reflector_angle": 3.6}),
         Case("battery does not charge", 906, dock={"powered": False}, docking={"max_retries": 1}),
-        Case("staging pose behind a wall", 903, shapes=_wall(), docking={"max_retries": 0}),
+        Case("staging pose out of reach", 903, shapes=_wall(), options={"max_staging_time_s": 30.0}),
         Case("canceled", 9011, meddle=_cancel),
     ]
 

@@ -144,11 +144,12 @@ class SimpleDock(DockType[N]):
         return Transform2D(*dock).apply(Pose2D(self.params.staging_x_offset, 0.0, self.params.staging_yaw_offset))
 
     def begin(self, dock: Pose2D, now: float) -> None:
-        """Forget earlier detections."""
-        del now
-        self._known, self._last_seen, self._stalled = dock, -math.inf, 0
-        self._filter.reset()
-        self.detector.reset()
+        """Forget earlier detections unless they are recent: the detections of a failed attempt help the next one."""
+        self._known, self._stalled = dock, 0
+        if now - self._last_seen > self.params.external_detection_timeout:
+            self._last_seen = -math.inf
+            self._filter.reset()
+            self.detector.reset()
 
     def observe(self, data: SensorData | DockDetection, to_fixed: Transform2D) -> None:
         """Take a measurement into the mean, if the detector finds the marker in it."""
