@@ -3,9 +3,9 @@
     python tools/docking_runs.py [--count 1000] [--detector camera|reflector] [--seed 0] [--processes 2] [--cases]
 
 Each run starts at a random pose in a room, drives to the staging pose and docks. Its localization has errors of 2 cm and
-2 degrees, and so has every detection of the camera; the lidar that sees the reflector has an error of 1 cm per beam. The errors in
-the table are those of the true pose from the pose in the dock. `--cases` runs the hostile cases instead: each must end with its
-code.
+2 degrees, and so has every detection of the camera; the lidar that sees the reflector has an error of 1 cm per beam. The errors
+in the table are those of the true pose from the pose in the dock. `--cases` runs the hostile cases instead: each must end with
+its code.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from multiprocessing import get_context
 from typing import Any, Final
 
@@ -220,7 +221,7 @@ def _wall() -> tuple[Shape, ...]:
     """A closed box around the staging pose and the dock."""
     x0, x1, y0, y1 = 1.2, 3.6, -0.6, 1.4
     corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]
-    return tuple(Shape(segment=[a, b]) for a, b in zip(corners, corners[1:]))
+    return tuple(Shape(segment=[a, b]) for a, b in pairwise(corners))
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
@@ -234,13 +235,14 @@ def table(outcomes: Sequence[Outcome]) -> str:
     degrees = np.degrees([one.error_rad for one in docked] or [math.nan])
     retries = Counter(one.retries for one in docked)
     failures = Counter(one.code for one in outcomes if one.code)
+    lateral, turned = np.quantile(millimeters, 0.95), np.quantile(degrees, 0.95)
     lines = [
         f"dockings                    {len(outcomes)}",
         f"charging                    {len(docked)} ({len(docked) / len(outcomes):.2%})",
         f"within 1 cm and 1 degree    {good} ({good / len(outcomes):.2%})",
         f"without / 1 / 2 / 3 retries {' / '.join(str(retries[k]) for k in range(4))}",
-        f"error, mean / 95 % / max    {millimeters.mean():.1f} / {np.quantile(millimeters, 0.95):.1f} / {millimeters.max():.1f} mm",
-        f"                            {degrees.mean():.2f} / {np.quantile(degrees, 0.95):.2f} / {degrees.max():.2f} degrees",
+        f"error, mean / 95 % / max    {millimeters.mean():.1f} / {lateral:.1f} / {millimeters.max():.1f} mm",
+        f"                            {degrees.mean():.2f} / {turned:.2f} / {degrees.max():.2f} degrees",
         f"time, mean                  {np.mean([one.seconds for one in outcomes]):.1f} s",
         f"collisions                  {sum(one.collisions for one in outcomes)}",
         f"failures by code            {dict(failures) or 'none'}",
@@ -279,9 +281,8 @@ def main() -> int:
     print(table(outcomes))
     for number, one in enumerate(outcomes):
         if not one.good:
-            print(
-                f"run {given.seed + number}: {one.code} {one.message} {one.error_m:.4f} m, {math.degrees(one.error_rad):.2f} degrees"
-            )
+            errors = f"{one.error_m:.4f} m, {math.degrees(one.error_rad):.2f} degrees"
+            print(f"run {given.seed + number}: {one.code} {one.message} {errors}")
     return int(sum(one.good for one in outcomes) < 0.995 * len(outcomes))
 
 

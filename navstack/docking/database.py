@@ -132,10 +132,14 @@ def load_docks(path: str | os.PathLike[str]) -> dict[str, Dock]:
             there = node.items[key][1].at if key in node.items else at
             message = str(error["msg"]).removeprefix("Value error, ")
             if error["type"] == "extra_forbidden":
+                there = node.items[key][0]
                 close = nearest(key, list(DockInstanceParams.model_fields))
                 message = f"unknown key{f'; did you mean {close}?' if close else ''}; known: type, frame, pose, id"
-            shown = "" if error["type"] == "missing" else f" = {short_repr(error['input'])}"
-            raise InputError(f"{there}: {key}{shown} of the dock {name}: {message}") from None
+            if error["type"] == "missing":
+                message = "pose is missing; write pose: [x, y, yaw]"
+            elif not message.startswith(f"{key} ="):
+                message = f"{key} = {short_repr(error['input'])}: {message}"
+            raise InputError(f"{there}: the dock {name}: {message}") from None
     return docks
 
 
