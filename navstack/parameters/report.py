@@ -300,6 +300,7 @@ def _models() -> Iterator[type[ParamModel]]:
             yield entry.cls.Params
             yield from children_of(entry.cls.Params).values()
     yield from (*map(node_model, NODE_SECTIONS), ZoneParams, SubPolygonParams, MonitorSourceParams, ExclusionZoneParams)
+    yield from (DockControllerParams, DockInstanceParams)
     yield NavstackParams
     for info in NavstackParams.model_fields.values():
         if isinstance(info.default, ParamModel):
