@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 from rich.markup import escape
 
-from navstack.behaviors import EXAMPLES, read_step, step_text
 from navstack.cli import options
 from navstack.cli.arguments import map_of, parse_obstacles, parse_place
 from navstack.cli.interrupts import interrupt_flag
@@ -31,13 +30,21 @@ from navstack.core import InputError, ensure_directory, locked_folder, write_jso
 from navstack.map_io import map_names, map_path
 from navstack.parameters import load_configuration
 from navstack.plot import plot_run
-from navstack.scenario import Scenario, drive_tour, load_places, visit_order, warm_up
+from navstack.scenario import (
+    ALL_EXAMPLES,
+    Scenario,
+    any_step_text,
+    drive_tour,
+    load_places,
+    read_any_step,
+    visit_order,
+    warm_up,
+)
 
 if TYPE_CHECKING:
-    from navstack.behaviors import Step
     from navstack.cli.interrupts import Interrupt
     from navstack.core import Pose2D
-    from navstack.scenario import GoalOutcome, Places, TourResult, TourState
+    from navstack.scenario import GoalOutcome, Places, Step, TourResult, TourState
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The options of `navstack tour` that make up a tour.
@@ -107,7 +114,7 @@ class TourOptions(NamedTuple):
         places = load_places(file)
         path, grid = map_of(map_name)
         steps = self._steps(places)
-        names = tuple(step_text(step) for step in steps) or self._names(file, places)
+        names = tuple(any_step_text(step) for step in steps) or self._names(file, places)
         start = self._start(file, places)
         configuration = load_configuration(self.params, overrides=self.set_, distro=self.distro)
         print_warnings(configuration, self.params, self.set_, distro=self.distro, simulated=True)
@@ -191,10 +198,12 @@ def _parsed_step(text: str, places: Places) -> Step:
     except yaml.YAMLError:
         value = None
     if isinstance(value, dict):
-        return read_step({str(key): item for key, item in value.items()}, places=places.places)
+        return read_any_step({str(key): item for key, item in value.items()}, places=places.places)
     if value is None or isinstance(value, list):
-        raise InputError(f'--step "{text}" is neither the name of a place nor a step: {EXAMPLES}', argument="--step")
-    return read_step({"goto": text.strip()}, places=places.places)
+        raise InputError(
+            f'--step "{text}" is neither the name of a place nor a step: {ALL_EXAMPLES}', argument="--step"
+        )
+    return read_any_step({"goto": text.strip()}, places=places.places)
 
 
 @options.with_options(chosen=TourOptions)

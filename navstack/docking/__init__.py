@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from navstack.docking.dock_types import SimpleNonChargingDock as SimpleNonChargingDock
     from navstack.docking.errors import DockingError as DockingError
     from navstack.docking.task import Docking as Docking
+    from navstack.docking.task import DockingFeedback as DockingFeedback
     from navstack.docking.task import DockTask as DockTask
     from navstack.docking.task import Undocking as Undocking
     from navstack.docking.task import docking_robot as docking_robot

@@ -351,7 +351,8 @@ class Approach(DockMotion):
     def summary(self) -> str:
         """Return the end in one sentence."""
         error = Transform2D(*self._known).inverse().apply(self._pose)
-        retries = f" after {self.log.retries} retries" if self.log.retries else ""
+        again = self.log.retries
+        retries = f" after {again} {'retry' if again == 1 else 'retries'}" if again else ""
         return f"docked at {self.dock.name}{retries}, {math.hypot(error.x, error.y):.3f} m from its detected pose"
 
     # --- states -------------------------------------------------------------------------------------------------------

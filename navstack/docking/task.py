@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, Final
 
-from navstack.core import BatteryState, DockDetection, Event, NavError, Pose2D, SensorData
+from navstack.core import BatteryState, DockDetection, Event, NavError, Pose2D, SensorData, angle_between
 from navstack.docking.behavior import Approach, DockingLog, DockingState, DockSensing, Leave
 from navstack.docking.database import Dock, DockDatabase
-from navstack.docking.errors import FailedToStageError
+from navstack.docking.errors import FailedToChargeError, FailedToStageError
 from navstack.move_base import BusyError, GoalCanceledError, GoalHandle, GoalResult, GoalStatus, MotionHandle, MoveBase
 from navstack.plugins import DockingRobot, DockType
 
 MAX_STAGING_TIME_S: Final = 1000.0
 """Nav2's max_staging_time."""
+PRESTAGING_RAD: Final = 0.5
+"""Angle to the heading of the staging pose from which on the robot drives there first."""
 MAX_UNDOCKING_TIME_S: Final = 30.0
 """Nav2's max_undocking_time."""
 
@@ -22,6 +25,16 @@ def docking_robot(robot: object) -> DockingRobot | None:
     """Return the robot behind a command chain, if it has detections of docks and a battery."""
     robot = getattr(robot, "robot", robot)
     return robot if isinstance(robot, DockingRobot) else None
+
+
+@dataclass(frozen=True, slots=True)
+class DockingFeedback:
+    """Progress of docking, as the feedback of Nav2's DockRobot."""
+
+    state: DockingState
+    docking_time: float
+    """s since the start."""
+    num_retries: int
 
 
 class DockTask:
@@ -44,6 +57,10 @@ class DockTask:
         self._goal: GoalHandle | None = None
         self._motion: MotionHandle | None = None
         self._published = 0
+        self.errand = False
+        """True if it is no goal of its own, but part of one: `low_battery`."""
+        self._parts: list[str] = []
+        """Ids of the goals and motions that it consists of."""
 
     # --- what a client sees -------------------------------------------------------------------------------------------
 
@@ -66,6 +83,11 @@ class DockTask:
     def docking_time(self) -> float:
         """Time since the start (s)."""
         return (self.ended_at if self.is_done else self._now) - self.started_at
+
+    @property
+    def feedback(self) -> DockingFeedback:
+        """The progress."""
+        return DockingFeedback(self.state, self.docking_time, self.log.retries)
 
     @property
     def data(self) -> dict[str, Any]:
@@ -112,7 +134,7 @@ class DockTask:
             self._follow_goal(self._goal)
         motion = self._motion
         if motion is not None and motion.is_done:
-            self.end(motion.status, motion.text, motion.error)
+            self.arrived(motion)
         self._publish()
 
     def cancel(self, error: NavError | None = None) -> None:
@@ -135,6 +157,7 @@ class DockTask:
         """Send the staging pose, in the frame of the dock, as a goal."""
         self.log.enter(DockingState.NAV_TO_STAGING_POSE, self._now, self._distance())
         self._goal = self._move_base.send_goal(pose, self.dock.frame, time_limit_s=time_limit_s)
+        self._parts.append(self._goal.id)
 
     def run(self, motion: Approach | Leave) -> None:
         """Start the motion, or at the next tick if the goal manager is still busy."""
@@ -142,6 +165,11 @@ class DockTask:
             self._motion = self._move_base.motions.start(motion)
         except BusyError:
             return
+        self._parts.append(self._motion.id)
+
+    def arrived(self, motion: MotionHandle) -> None:
+        """End as the motion ended."""
+        self.end(motion.status, motion.text, motion.error)
 
     def end(self, status: GoalStatus, text: str, error: NavError | None) -> None:
         """Enter the terminal state."""
@@ -198,6 +226,8 @@ class DockTask:
             result = self.result
             data = {
                 "kind": self.kind,
+                "parts": list(self._parts),
+                "errand": self.errand,
                 "status": result.status.name,
                 "error_code": result.error_code,
                 "error_name": result.error_name,
@@ -222,25 +252,40 @@ class Docking(DockTask):
         *,
         navigate_to_staging_pose: bool = True,
         max_staging_time_s: float = MAX_STAGING_TIME_S,
+        charge_until: float | None = None,
     ) -> None:
-        """`dock`: its name, or a dock that is in no database. Raises DockNotInDatabaseError and DockNotValidError."""
+        """`dock`: its name, or a dock that is in no database; with `charge_until` it ends when the battery has that charge.
+
+        Raises DockNotInDatabaseError and DockNotValidError.
+        """
         dock = database.dock(dock) if isinstance(dock, str) else dock
         super().__init__(move_base, database, dock, database.type_of(dock), "dock")
         self._navigates, self._limit = navigate_to_staging_pose, max_staging_time_s
-        self._staged = False
+        self._charge_until = charge_until
+        self._charged_at = math.inf
+        """Last time at which the battery was charged (s)."""
+
+    @property
+    def is_charging(self) -> bool:
+        """True while the docked robot waits for `charge_until`."""
+        return not self.is_done and self._motion is not None and self._motion.is_done
 
     def start(self) -> None:
-        """Send the staging pose as a goal, unless the robot is within dock_prestaging_tolerance of it."""
+        """Send the staging pose as a goal, unless the robot is within dock_prestaging_tolerance of it and looks as it should.
+
+        ROS differs: in Nav2 its heading does not count, so that it may look away from the dock.
+        """
         super().start()
         staging = self.dock_type.staging_pose(self.dock.pose)
-        near = math.inf
         try:
-            near = self._move_base.global_costmap.robot_pose(self._now).distance_to(staging)
+            here = self._move_base.global_costmap.robot_pose(self._now)
         except NavError as exc:
             self.end(GoalStatus.ABORTED, exc.message, exc)
             self._publish()
             return
-        if self._navigates and near > self.params.dock_prestaging_tolerance:
+        near = here.distance_to(staging) <= self.params.dock_prestaging_tolerance
+        faces = abs(angle_between(here.yaw, staging.yaw)) <= PRESTAGING_RAD
+        if self._navigates and not (near and faces):
             self.stage(staging, self._limit)
         else:
             self.staged()
@@ -248,6 +293,25 @@ class Docking(DockTask):
     def staged(self) -> None:
         """Start the approach."""
         self.run(Approach("dock", self.params, self.dock, self.dock_type, self.sensing, self.log))
+
+    def arrived(self, motion: MotionHandle) -> None:
+        """End, or stay until the battery has its charge; with FailedToChargeError if the current ceases before."""
+        until, battery = self._charge_until, self.sensing.battery
+        if until is None or motion.error is not None or battery is None or battery.charge >= until:
+            super().arrived(motion)
+            return
+        now, limit = self._now, self.params.wait_charge_timeout
+        if not math.isfinite(self._charged_at) or self.dock_type.is_charging(battery, docked=True):
+            self._charged_at = now
+        if self.log.visits:
+            self.log.visits[-1].end = now
+        if now - self._charged_at > limit:
+            error = FailedToChargeError(
+                f"{self.dock.name}: the battery is no longer charged: {battery.current:.2f} A for {limit:g} s at a charge of "
+                f"{battery.charge:.0%}, {until:.0%} were wanted",
+                charge=battery.charge,
+            )
+            self.end(GoalStatus.ABORTED, error.message, error)
 
     def advance(self) -> None:
         """See `DockTask`."""

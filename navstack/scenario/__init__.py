@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from navstack.scenario.run import warm_up as warm_up
     from navstack.scenario.scenario import Scenario as Scenario
     from navstack.scenario.spec import ScenarioSpec as ScenarioSpec
+    from navstack.scenario.steps import ALL_EXAMPLES as ALL_EXAMPLES
+    from navstack.scenario.steps import Step as Step
+    from navstack.scenario.steps import any_step_text as any_step_text
+    from navstack.scenario.steps import read_any_step as read_any_step
     from navstack.scenario.success import ConditionResult as ConditionResult
     from navstack.scenario.success import SuccessConditions as SuccessConditions
     from navstack.scenario.suites import load_suite as load_suite

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from navstack.behaviors import GoToStep, Step, is_step, read_step
+from navstack.behaviors import GoToStep
 from navstack.core import InputError, Pose2D
 from navstack.map_io import map_names, packaged_map_file
 from navstack.move_base import is_planar, yaw_of
 from navstack.parameters import DictNode, ListNode, Location, Node, ScalarNode, plain, read_yaml
+from navstack.scenario.steps import Step, is_any_step, read_any_step
 
 Order = Literal["given", "sorted", "random"]
 
@@ -155,7 +156,7 @@ def load_places(source: str | Path) -> Places:
 
 def is_step_node(node: Node) -> bool:
     """Return True for a YAML mapping that is a step, such as {move: 0.5}."""
-    return isinstance(node, DictNode) and is_step(node.items)
+    return isinstance(node, DictNode) and is_any_step(node.items)
 
 
 def _step(node: Node, places: dict[str, Pose2D], number: int, folder: Path) -> Step:
@@ -164,7 +165,7 @@ def _step(node: Node, places: dict[str, Pose2D], number: int, folder: Path) -> S
         name, pose = _place_or_pose(node, places, f"goal {number}")
         return GoToStep(goto=list(pose), place=name or "")
     try:
-        return read_step(plain(node), places=places, folder=folder)
+        return read_any_step(plain(node), places=places, folder=folder)
     except InputError as exc:
         raise _error(node.at, f"step {number}: {exc.message}") from None
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, TypeAdapter, ValidationError
 
 from navstack import __version__
-from navstack.behaviors import GoToStep, InvalidMotionError, Step, read_step, step_data
+from navstack.behaviors import GoToStep, InvalidMotionError
 from navstack.core import OccupancyGrid, Pose2D, RecordError, short_repr, shortened
 from navstack.parameters import Configuration, load_configuration
 from navstack.record import Record
@@ -27,8 +27,10 @@ from navstack.scenario.fields import (
     encode_floats,
 )
 from navstack.scenario.interactions import Interaction, as_data
+from navstack.scenario.low_battery import LowBattery
+from navstack.scenario.steps import Step, any_step_data, read_any_step
 from navstack.scenario.success import SuccessConditions
-from navstack.sim import PedestrianMotion, Shape, World
+from navstack.sim import PedestrianMotion, Shape, World, dock_shapes
 
 MAX_GOALS: Final = 100_000
 MAX_OBSTACLES: Final = 10_000
@@ -43,7 +45,7 @@ def _shape_data(shape: Shape) -> dict[str, Any]:
 
 
 _Shape = Annotated[Shape, PlainSerializer(_shape_data)]
-_Step = Annotated[Step, Stored(dict[str, Any], lambda data: read_step(data, folder=None), step_data)]
+_Step = Annotated[Step, Stored(dict[str, Any], lambda data: read_any_step(data, folder=None), any_step_data)]
 _Interaction = Annotated[
     Interaction, BeforeValidator(decode_floats), PlainSerializer(lambda item: encode_floats(as_data(item)))
 ]
@@ -90,6 +92,8 @@ class Scenario:
     """Goals and motions in order, instead of `goals`: see `navstack.motion.steps`."""
     interactions: Annotated[tuple[_Interaction, ...], Field(max_length=MAX_INTERACTIONS)] = ()
     """What a person does during the run, models of `navstack.scenario.interactions`."""
+    low_battery: LowBattery | None = None
+    """When the robot interrupts its goal to charge; None: never."""
     success: _Conditions = SuccessConditions()
     """Conditions that the run must meet; they do not influence the run."""
     names: Annotated[dict[str, Any], NotStored()] = field(default_factory=dict[str, Any])
@@ -102,7 +106,12 @@ class Scenario:
 
     def world(self) -> World:
         """Returns the map with all obstacles."""
-        return World(self.map, self.obstacles, shapes=self.shapes)
+        return World(self.map, self.obstacles, shapes=(*self.shapes, *self.dock_shapes))
+
+    @property
+    def dock_shapes(self) -> tuple[Shape, ...]:
+        """The bodies of the docks of the parameters."""
+        return dock_shapes(self.configuration.navstack.sim)
 
     def as_dict(self) -> dict[str, Any]:
         """Returns the scenario as JSON data for the record; with the map, `from_record` restores it from this."""
@@ -161,7 +170,7 @@ class Scenario:
 
 _NOT_STORED: Final = {"map", "configuration", "names"}
 _REQUIRED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OMITTED: Final = ("name", "shapes", "steps", "interactions", "success")
+_OMITTED: Final = ("name", "shapes", "steps", "interactions", "low_battery", "success")
 """Fields that a record has only where they differ from their defaults."""
 
 
