@@ -447,9 +447,6 @@ def test_costmaps_can_be_cleared_around_the_robot() -> None:
     ("name", "arguments", "alternative"),
     [
         ("assistedTeleop", (), "driveOnHeading"),
-        ("dockRobotByPose", (Pose2D(0.0, 0.0), "charger"), "driveOnHeading"),
-        ("dockRobotByID", ("dock",), "driveOnHeading"),
-        ("undockRobot", (), "backup"),
         ("followGpsWaypoints", ([],), "followWaypoints"),
     ],
 )

@@ -45,6 +45,7 @@ from navstack.core import (
     Twist2D,
 )
 from navstack.costmap import LayeredCostmap
+from navstack.docking import Dock, DockDatabase, Docking, DockingFeedback, DockTask, Undocking
 from navstack.map_io import load_map
 from navstack.move_base import (
     EPSILON_S,
@@ -63,7 +64,7 @@ from navstack.move_base import (
     checked_pose,
     stale_sensors,
 )
-from navstack.parameters import Configuration
+from navstack.parameters import Configuration, DockingParams
 from navstack.plugins import (
     Behavior,
     BehaviorContext,
@@ -430,23 +431,13 @@ class NavigatorServices(ABC):
         """Raise NotSupportedError."""
         not_supported("assistedTeleop", "driveOnHeading, backup and spin check for obstacles while they move")
 
-    def dockRobot(self, *_: Any, **__: Any) -> NoReturn:
-        """Raise NotSupportedError."""
-        not_supported("docking", "goToPose to a pose in front of the dock, then driveOnHeading")
-
-    dockRobotByPose = dockRobotByID = dockRobot
-
-    def undockRobot(self, dock_type: str = "", max_undocking_time: float = 30.0) -> NoReturn:
-        """Raise NotSupportedError."""
-        not_supported("undockRobot", "backup drives the robot out of its dock")
-
     def followGpsWaypoints(self, gps_poses: Sequence[Any]) -> NoReturn:
         """Raise NotSupportedError."""
         not_supported("followGpsWaypoints", "convert the positions to the map's frame, then followWaypoints")
 
 
 class BasicNavigator(NavigatorServices):
-    """Executes one task at a time: a pose, poses to drive through, waypoints to stop at, a path, or a behavior (spin, backup).
+    """Executes one task at a time: a pose, poses to drive through, waypoints to stop at, a path, a dock, a behavior (spin, ..).
 
         navigator.goToPose(goal)
         while not navigator.isTaskComplete():
@@ -462,13 +453,18 @@ class BasicNavigator(NavigatorServices):
         advance: Callable[[float], float],
         *,
         place: Callable[[Pose2D], None] | None = None,
+        docks: DockDatabase | None = None,
     ) -> None:
         """Create a navigator. `advance(t)` runs the robot until `t` (s) and returns the time.
 
         In a simulation that is `advance_to`; for a real robot it sleeps. It returns at once if `t` is in the past.
-        `place` initializes the robot's localization with a pose (global frame), for `setInitialPose`.
+        `place` initializes the robot's localization with a pose (global frame), for `setInitialPose`. `docks` are the docks that
+        the robot knows (`DockDatabase.of(configuration)`).
         """
         self.move_base = move_base
+        self.docks = docks or DockDatabase(DockingParams())
+        """The docks that the robot knows."""
+        self._task: DockTask | None = None
         self.missed_waypoints: list[int] = []
         """Indices of the waypoints that the last followWaypoints did not reach."""
         self._advance = advance
@@ -518,7 +514,7 @@ class BasicNavigator(NavigatorServices):
 
             return build_move_base(configuration, robot, static_map=static_map, listeners=listeners), advance
 
-        navigator = cls(*built(start))
+        navigator = cls(*built(start), docks=DockDatabase.of(configuration))
 
         def place(pose: Pose2D) -> None:
             if navigator._now > 0.0:
@@ -653,9 +649,37 @@ class BasicNavigator(NavigatorServices):
         )
         return self._run_behavior(DriveOnHeading("drive_on_heading", params))
 
+    # --- docks --------------------------------------------------------------------------------------------------------
+
+    def dockRobotByID(self, dock_id: str, nav_to_dock: bool = True) -> bool:
+        """Dock at a dock of the database; without `nav_to_dock`, from where the robot is, near the staging pose.
+
+        Returns True: accepted. Raises DockNotInDatabaseError (901) and DockNotValidError (902).
+        """
+        return self._run_task(Docking(self.move_base, self.docks, dock_id, navigate_to_staging_pose=nav_to_dock))
+
+    def dockRobotByPose(self, dock_pose: Pose2D, dock_type: str = "", nav_to_dock: bool = True) -> bool:
+        """Dock at a dock at `dock_pose` (global frame; the x axis points into the dock), of a type of `dock_plugins`.
+
+        Raises DockNotValidError (902).
+        """
+        dock = Dock("dock", dock_type, checked_pose(dock_pose), self.move_base.global_costmap.frame)
+        return self._run_task(Docking(self.move_base, self.docks, dock, navigate_to_staging_pose=nav_to_dock))
+
+    def undockRobot(self, dock_type: str = "", max_undocking_time: float = 30.0) -> bool:
+        """Drive out of the dock; `dock_type`: default that of the nearest dock. Raises DockNotValidError (902)."""
+        self.waitUntilNav2Active()
+        return self._run_task(Undocking(self.move_base, self.docks, dock_type, max_undocking_time_s=max_undocking_time))
+
     def cancelTask(self) -> None:
         """Cancel the current task and wait for its end, at most one control cycle."""
-        if self._runner.running is not None:
+        task = self._task
+        if task is not None and not task.is_done:
+            task.cancel()
+            self._end_task(task)
+            while self.move_base.goal_handle is not None and not self.move_base.goal_handle.is_done:
+                self._tick(self._now + POLL_S)
+        elif self._runner.running is not None:
             self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behavior was canceled"))
         elif self._handle is not None and not self._handle.is_done:
             self.move_base.cancel_goal(self._handle)
@@ -673,10 +697,12 @@ class BasicNavigator(NavigatorServices):
             self._tick(end)
         return self._result is not None
 
-    def getFeedback(self) -> TaskFeedback | None:
+    def getFeedback(self) -> TaskFeedback | DockingFeedback | None:
         """Return the progress; None without a task."""
         if self._result is not None:
             return None
+        if self._task is not None:
+            return self._task.feedback
         spent = self._now - self._started_at
         if self._runner.running is not None and not self._poses:
             return TaskFeedback(self._robot_pose(), self._remaining, spent, None, 0, 0, 0)
@@ -708,7 +734,7 @@ class BasicNavigator(NavigatorServices):
     ) -> bool:
         if not poses:
             raise InputError("the list of poses is empty; give at least one")
-        if self._runner.running is not None:
+        if self._runner.running is not None or self._task is not None:
             self.cancelTask()
         self._poses, self._frame = poses, frame
         self._through, self._stop_on_failure = through, stop_on_failure
@@ -739,10 +765,14 @@ class BasicNavigator(NavigatorServices):
         due = min(end, self.move_base.next_due(self._now), self._runner.due)
         self._now = self._advance(due)
         self.move_base.tick(self._now)
-        if self._runner.running is not None:
+        if self._task is not None:
+            self._task.advance()
+            if self._task.is_done:
+                self._end_task(self._task)
+        elif self._runner.running is not None:
             if self._runner.is_due(self._now):
                 self._step()
-        elif self._result is None:
+        elif self._result is None and self._handle is not None:
             self._check_goal()
 
     def _check_goal(self) -> None:
@@ -839,6 +869,24 @@ class BasicNavigator(NavigatorServices):
         self._index = index
         self._set_out = self._now
         self._handle = self.move_base.send_goal(self._poses[self._index], self._frame)
+
+    def _run_task(self, task: DockTask) -> bool:
+        self.cancelTask()
+        self._poses, self._handle = (), None
+        self._tick(self._now)
+        self._start_task()
+        self._task = task
+        task.start()
+        if task.is_done:
+            self._end_task(task)
+        return True
+
+    def _end_task(self, task: DockTask) -> None:
+        result = task.result
+        ends = {GoalStatus.SUCCEEDED: TaskResult.SUCCEEDED, GoalStatus.PREEMPTED: TaskResult.CANCELED}
+        self._result = ends.get(result.status, TaskResult.FAILED)
+        self._error = (result.error_code, result.message)
+        self._task = None
 
     def _run_behavior(self, behavior: Behavior) -> bool:
         self.cancelTask()

@@ -30,7 +30,7 @@ from navstack.move_base import MoveBase, Planning, TreeMoveBase, call
 from navstack.parameters import Configuration
 from navstack.plugins import GlobalPlanner, LocalPlanner, Plugin, RecoveryBehavior, Robot
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
-from navstack.sim import Estimation, Shape, SimulatedRobot, World
+from navstack.sim import Estimation, Shape, SimulatedRobot, World, dock_shapes
 
 RECOVERY_TIME_LIMIT_S: Final = 120.0
 """A recovery behavior that runs longer (s) fails."""
@@ -205,7 +205,8 @@ def simulated_robot(
     """Build the robot of the section `navstack: sim:` at `start` (map frame), among walls and `obstacles` (x, y, radius; m).
 
     `low_obstacles` are below the plane of higher lidars, but bumpers detect them. `shapes` are other static or moving
-    obstacles. A `World` instead of a map has its own obstacles, and no others can be added.
+    obstacles; the bodies of the docks of `navstack: sim:` are added. A `World` instead of a map has its own obstacles, and no
+    others can be added.
 
     Raises InputError, StartOutsideMapError, or StartOccupiedError if the robot collides at the start.
     """
@@ -215,7 +216,8 @@ def simulated_robot(
             raise InputError("a World already has obstacles; pass a map with obstacles, or a World without")
         world = static_map
     else:
-        world = World(static_map, obstacles, low_discs=low_obstacles, shapes=shapes)
+        docks = dock_shapes(configuration.navstack.sim)
+        world = World(static_map, obstacles, low_discs=low_obstacles, shapes=(*shapes, *docks))
     _check_start(world, footprint, start)
     sim, sections = configuration.navstack.sim, configuration.localization
     localizer = make_localizer(sim, sections, world.map, start, seed)

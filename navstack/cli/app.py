@@ -47,6 +47,11 @@ COMMANDS: Final = {
         "tour",
         "Drive a simulated robot to named places. Ctrl-C, SIGTERM and SIGHUP stop the robot and keep record and log.",
     ),
+    "dock": LazyCommand(
+        "dock",
+        "dock",
+        "Dock a simulated robot: drive to the staging pose, detect the dock, drive in, wait for the charging current.",
+    ),
     "move": LazyCommand(
         "motions",
         "move",

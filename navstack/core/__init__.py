@@ -128,7 +128,9 @@ if TYPE_CHECKING:
     from navstack.core.poses import require_finite_pose as require_finite_pose
     from navstack.core.poses import require_pose as require_pose
     from navstack.core.poses import start_outside_map as start_outside_map
+    from navstack.core.sensing import BatteryState as BatteryState
     from navstack.core.sensing import DeferredScan as DeferredScan
+    from navstack.core.sensing import DockDetection as DockDetection
     from navstack.core.sensing import ImuReading as ImuReading
     from navstack.core.sensing import LaserScan as LaserScan
     from navstack.core.sensing import PointCloud as PointCloud

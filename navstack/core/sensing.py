@@ -149,4 +149,43 @@ class ImuReading:
         return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+@dataclass(frozen=True, slots=True)
+class BatteryState:
+    """State of a battery, as sensor_msgs/BatteryState. The current is positive while it is charged."""
+
+    charge: float
+    """Share of the capacity, 0 .. 1."""
+    current: float
+    """A."""
+    voltage: float = math.nan
+    """V."""
+    stamp: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DockDetection:
+    """Where a sensor sees a dock, as the geometry_msgs/PoseStamped of a detector of markers.
+
+    Position (m) and orientation (quaternion x, y, z, w) of the marker in `frame` at `stamp` (s).
+    """
+
+    x: float
+    y: float
+    orientation: tuple[float, float, float, float]
+    stamp: float = 0.0
+    frame: str = "base_link"
+    topic: str = "detected_dock_pose"
+
+    @classmethod
+    def of_heading(cls, x: float, y: float, yaw: float, stamp: float, frame: str, topic: str) -> DockDetection:
+        """Return the detection of a marker whose x axis has the heading `yaw` (rad) into the dock.
+
+        Its orientation is that of a tag, z out of the tag, y down: Nav2's default rotation of external detections, by
+        (roll, pitch) = (-pi/2, pi/2), turns it back.
+        """
+        c, s = 0.5 * math.cos(0.5 * yaw), 0.5 * math.sin(0.5 * yaw)
+        # the rotation by yaw about z, then the inverse of (0.5, 0.5, -0.5, 0.5)
+        return cls(x, y, (s - c, -c - s, c + s, c - s), stamp, frame, topic)
+
+
 SensorData = LaserScan | PointCloud | RangeReading

@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from navstack.core import LETHAL, Costmap, Event, InputError, Pose2D, RecordError, angle_between
+from navstack.explain.docking import dockings_of
 from navstack.move_base import GoalTimeLimitError
 from navstack.record import STALL_S, Record, Stall, believed_poses, find_stalls
 
@@ -65,7 +66,7 @@ class TimelineEntry:
     begin: float
     end: float
     kind: str
-    """goal, plan, plan_failed, control_failed, recovery, lost, stuck, collision, warning, info, cancel or end."""
+    """goal, plan, plan_failed, control_failed, recovery, docking, lost, stuck, collision, warning, info, cancel or end."""
     text: str
     count: int = 1
     """Number of events that the line stands for."""
@@ -571,6 +572,7 @@ _ORDER = (
     "plan_failed",
     "control_failed",
     "recovery",
+    "docking",
     "warning",
     "plan",
     "lost",
@@ -592,6 +594,10 @@ def timeline_of(
     lines += _stuck(record, report, poses)
     lines += _collisions(record, report)
     lines += believed_lines(record, report)
+    lines += [
+        TimelineEntry(line.begin, line.end, "docking", line.text, data=dict(line.data))
+        for line in dockings_of(record).lines.get(report.id, ())
+    ]
     lines += [
         TimelineEntry(event.time, event.time, event.kind, event.text, data=dict(event.data))
         for event in events
@@ -814,7 +820,9 @@ def _end(report: GoalReport) -> TimelineEntry:
 
 def explain_goals(record: Record) -> tuple[GoalReport, ...]:
     """Report every goal of a run, in order of arrival. Raises RecordError for a run without goals."""
-    ids = list(dict.fromkeys(str(e.data["id"]) for e in record.events_of("status") if "id" in e.data))
+    hidden = dockings_of(record).hidden
+    ids = dict.fromkeys(str(e.data["id"]) for e in record.events_of("status") if "id" in e.data)
+    ids = [goal_id for goal_id in ids if goal_id not in hidden]
     if not ids:
         raise RecordError(f"{record.path or 'the record'} contains no goal: none was sent during the recording")
     return tuple(_report(record, number, goal_id) for number, goal_id in enumerate(ids, 1))

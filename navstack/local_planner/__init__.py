@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from navstack.local_planner.dwb.planner import DWBPlanner as DWBPlanner
     from navstack.local_planner.graceful import GracefulController as GracefulController
     from navstack.local_planner.graceful import GracefulParams as GracefulParams
+    from navstack.local_planner.graceful import SmoothControlLaw as SmoothControlLaw
     from navstack.local_planner.mppi.params import ACKERMANN as ACKERMANN
     from navstack.local_planner.mppi.params import DIFF as DIFF
     from navstack.local_planner.mppi.params import OMNI as OMNI

@@ -244,6 +244,58 @@ def law(target_x, target_y, target_yaw, x, y, yaw, backward, p):
     return v, w
 
 
+class SmoothControlLaw:
+    """The law on its own, for a behavior that drives to one pose: docking.
+
+    Gains and limits as of `GracefulParams`. The rest of the path is the distance to the target.
+    """
+
+    def __init__(
+        self,
+        *,
+        k_phi: float,
+        k_delta: float,
+        beta: float,
+        exponent: float,
+        v_min: float,
+        v_max: float,
+        w_max: float,
+        slowdown_radius: float,
+        deceleration: float,
+    ) -> None:
+        self._law = np.zeros(1, LAW)
+        for name, value in {
+            "k_phi": k_phi,
+            "k_delta": k_delta,
+            "beta": beta,
+            "exponent": exponent,
+            "v_min": min(v_min, v_max),
+            "v_max": v_max,
+            "w_max": w_max,
+            "slowdown_radius": slowdown_radius,
+            "deceleration": deceleration,
+        }.items():
+            self._law[name] = value
+
+    def command(self, pose: Pose2D, target: Pose2D, *, backward: bool = False) -> tuple[float, float]:
+        """Return speed (m/s, negative if `backward`) and turning speed (rad/s) at `pose`, both poses in one frame."""
+        v, w = law(target.x, target.y, target.yaw, pose.x, pose.y, pose.yaw, backward, self._law[0])
+        return float(v), float(w)
+
+    def trajectory(
+        self, pose: Pose2D, target: Pose2D, *, backward: bool, seconds: float, step: float
+    ) -> NDArray[np.float64]:
+        """Return the poses (n, 3) every `step` (s) that the robot drives from `pose` within `seconds`, or until it is there."""
+        poses = [pose]
+        for _ in range(math.ceil(seconds / step)):
+            v, w = self.command(pose, target, backward=backward)
+            pose = _driven(pose, Twist2D(v, 0.0, w), step)
+            poses.append(pose)
+            if pose.distance_to(target) <= abs(v) * step:
+                break
+        return np.array(poses)
+
+
 @kernel
 def turning_in_place(error, p):
     """Return the turning speed (rad/s) of a turn in place by `error` (rad)."""

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from navstack.parameters.models.collision_monitor import MonitorSourceParams as MonitorSourceParams
     from navstack.parameters.models.collision_monitor import SubPolygonParams as SubPolygonParams
     from navstack.parameters.models.collision_monitor import ZoneParams as ZoneParams
+    from navstack.parameters.models.docking import DockControllerParams as DockControllerParams
+    from navstack.parameters.models.docking import DockingParams as DockingParams
+    from navstack.parameters.models.docking import DockInstanceParams as DockInstanceParams
     from navstack.parameters.models.ekf import PLANAR as PLANAR
     from navstack.parameters.models.ekf import FilterParams as FilterParams
     from navstack.parameters.models.ekf import SourceParams as SourceParams
@@ -46,10 +49,13 @@ if TYPE_CHECKING:
     from navstack.parameters.models.move_base import MoveBaseParams as MoveBaseParams
     from navstack.parameters.models.move_base import builtin_recoveries as builtin_recoveries
     from navstack.parameters.models.sim import MAX_CAR_ANGLE as MAX_CAR_ANGLE
+    from navstack.parameters.models.sim import BatteryParams as BatteryParams
     from navstack.parameters.models.sim import BumperParams as BumperParams
     from navstack.parameters.models.sim import CameraParams as CameraParams
+    from navstack.parameters.models.sim import DockCameraParams as DockCameraParams
     from navstack.parameters.models.sim import ImuParams as ImuParams
     from navstack.parameters.models.sim import LidarParams as LidarParams
+    from navstack.parameters.models.sim import SimDockParams as SimDockParams
     from navstack.parameters.models.sim import SimParams as SimParams
     from navstack.parameters.models.sim import SonarParams as SonarParams
     from navstack.parameters.models.supervision import LostParams as LostParams

@@ -18,7 +18,7 @@ from navstack.parameters.findings import Finding, Location, finding, in_order
 from navstack.parameters.foreign import FOREIGN_LOCAL_PLANNERS
 from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams, builtin_recoveries
 from navstack.parameters.nav2.declared import NAV2_DISTROS
-from navstack.parameters.nodes import load_localization, load_safety
+from navstack.parameters.nodes import load_docking, load_localization, load_safety
 from navstack.parameters.plugin_lists import (
     ListedPlugin,
     PluginLists,
@@ -347,15 +347,17 @@ class Loader:
         parts["navstack"] = navstack
         parts["safety"] = load_safety(self.root, self.binder, self.findings)
         parts["localization"] = load_localization(self.root, self.binder, self.findings)
+        docking, docking_usable = load_docking(self.root, self.binder, self.findings)
         meant = meant_sections(self.root, self.binder)
         self._check_unselected_planners({section.path for section in meant})
         configuration = None
         consequences: dict[str, list[str]] = {space.path: [] for space in meant.values()}
         consequences |= {path: [] for path in self.default_planners}
-        if all(part is not None for part in parts.values()):
+        if docking_usable and all(part is not None for part in parts.values()):
             configuration = Configuration(
                 **parts,
                 smoother=smoother,
+                docking=docking,
                 findings=(),
                 tree=self.root,
                 origins=self.binder.origins,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from navstack.core import Footprint
 from navstack.parameters.findings import Finding, Location
@@ -25,6 +25,9 @@ from navstack.plugins import (
     Smoother,
     param,
 )
+
+if TYPE_CHECKING:  # imported when its section is written
+    from navstack.parameters.models.docking import DockingParams
 
 
 class NavstackParams(ParamModel):
@@ -116,6 +119,8 @@ class Configuration:
     """Multiplexer, velocity smoother and collision monitor."""
     localization: LocalizationConfiguration = LocalizationConfiguration()
     """amcl and the odometry filter."""
+    docking: DockingParams | None = None
+    """The section `docking_server`; None if it is not written."""
     nav2_ids: Mapping[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
     """Files of Nav2: id of a plugin -> its namespace here: FollowPath -> DWBLocalPlanner."""
 

@@ -1,4 +1,4 @@
-"""Sections of nodes other than move_base: twist_mux, velocity_smoother, collision monitor and detector; amcl, supervision, ekf.
+"""Sections of nodes other than move_base: safety (twist_mux, velocity_smoother, ..), localization (amcl, ..), docking_server.
 
 Each may be written as in ROS 1 or with the `ros__parameters` of a ROS 2 file. A section that is written is in use.
 """
@@ -18,6 +18,7 @@ from navstack.plugins import ParamModel
 if TYPE_CHECKING:  # a model is imported when its section is written
     from navstack.parameters.models.amcl import AmclParams
     from navstack.parameters.models.collision_monitor import CollisionDetectorParams, CollisionMonitorParams
+    from navstack.parameters.models.docking import DockingParams
     from navstack.parameters.models.ekf import FilterParams
     from navstack.parameters.models.supervision import SearchingParams
     from navstack.parameters.models.twist_mux import TwistMuxParams
@@ -26,7 +27,8 @@ if TYPE_CHECKING:  # a model is imported when its section is written
 ROS2_PARAMETERS: Final = "ros__parameters"
 SAFETY_SECTIONS: Final = ("twist_mux", "velocity_smoother", "collision_monitor", "collision_detector")
 LOCALIZATION_SECTIONS: Final = ("amcl", "supervision", "ekf")
-NODE_SECTIONS: Final = (*SAFETY_SECTIONS, *LOCALIZATION_SECTIONS)
+DOCKING_SECTION: Final = "docking_server"
+NODE_SECTIONS: Final = (*SAFETY_SECTIONS, *LOCALIZATION_SECTIONS, DOCKING_SECTION)
 """Every section other than move_base's that belongs to a node of its own in ROS."""
 
 _MODELS: Final = {
@@ -37,6 +39,7 @@ _MODELS: Final = {
     "amcl": ("amcl", "AmclParams"),
     "supervision": ("supervision", "SearchingParams"),
     "ekf": ("ekf", "EkfParams"),
+    DOCKING_SECTION: ("docking", "DockingParams"),
 }
 """Section -> module and name of its model."""
 
@@ -142,3 +145,17 @@ def load_localization(root: Space, binder: Binder, findings: list[Finding]) -> L
             unwrap_ros2(space, findings)
             made[name] = binder.bind(node_model(name), space)
     return None if any(params is None for params in made.values()) else LocalizationConfiguration(**made)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The section of docking.
+
+
+def load_docking(root: Space, binder: Binder, findings: list[Finding]) -> tuple[DockingParams | None, bool]:
+    """Return the section `docking_server`, None if it is not written; and whether it can be used."""
+    if DOCKING_SECTION not in root.children:
+        return None, True
+    space = binder.child(root, DOCKING_SECTION)
+    unwrap_ros2(space, findings)
+    made: Any = binder.bind(node_model(DOCKING_SECTION), space)
+    return made, made is not None

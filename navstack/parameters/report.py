@@ -27,6 +27,7 @@ from navstack.parameters.models.collision_monitor import (
     SubPolygonParams,
     ZoneParams,
 )
+from navstack.parameters.models.docking import DockControllerParams, DockInstanceParams
 from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams, builtin_recoveries
 from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams
 from navstack.parameters.nodes import NODE_SECTIONS, ROS2_PARAMETERS, node_model
@@ -36,6 +37,8 @@ from navstack.parameters.tree import COSTMAPS
 from navstack.parameters.yaml_editor import YamlEditor, text_of, value_text
 from navstack.plugins import (
     CRITICS,
+    DOCK_DETECTORS,
+    DOCK_TYPES,
     GLOBAL_PLANNERS,
     GOAL_CHECKERS,
     LAYERS,
@@ -297,6 +300,7 @@ def _models() -> Iterator[type[ParamModel]]:
             yield entry.cls.Params
             yield from children_of(entry.cls.Params).values()
     yield from (*map(node_model, NODE_SECTIONS), ZoneParams, SubPolygonParams, MonitorSourceParams, ExclusionZoneParams)
+    yield from (DockControllerParams, DockInstanceParams)
     yield NavstackParams
     for info in NavstackParams.model_fields.values():
         if isinstance(info.default, ParamModel):
@@ -312,10 +316,12 @@ def _with_ros2(section: Schema) -> Schema:
 
 
 def children_of(model: type[ParamModel]) -> dict[str, type[ParamModel]]:
-    """Return the namespaces below a model's for its default values, with an observation source named `scan`."""
+    """Return the namespaces below a model's for its default values, with an observation source `scan` and a dock `dock`."""
     values = {n: i.get_default(call_default_factory=True) for n, i in model.model_fields.items() if not i.is_required()}
     if "observation_sources" in values:
         values["observation_sources"] = "scan"
+    if values.get("docks") == []:
+        values["docks"] = ["dock"]
     return model.child_models(values)
 
 
@@ -354,13 +360,15 @@ Previous names are accepted, with a note. The parameters of a layer are in the n
 entry in `plugins`; those of recovery behaviors and critics likewise. See [rules](rules.md) for the checks across parameters.
 """
 
-_SAFETY_PARTS: tuple[tuple[str, str, type[ParamModel]], ...] = (
+_NODE_PARTS: tuple[tuple[str, str, type[ParamModel]], ...] = (
     ("twist_mux: an input", "an entry of `topics`", MuxInputParams),
     ("twist_mux: a lock", "an entry of `locks`", MuxLockParams),
     ("collision_monitor: a zone", "`collision_monitor/<zone>`, `collision_detector/<zone>`", ZoneParams),
     ("collision_monitor: a polygon of a velocity_polygon", "`collision_monitor/<zone>/<polygon>`", SubPolygonParams),
     ("collision_monitor: a source", "`collision_monitor/<source>`", MonitorSourceParams),
     ("collision_monitor: an exclusion zone", "`collision_monitor/<source>/<zone>`", ExclusionZoneParams),
+    ("docking_server: the control law", "`docking_server/controller`", DockControllerParams),
+    ("docking_server: a dock", "`docking_server/<dock>`, or below `docks` in a dock database", DockInstanceParams),
 )
 
 
@@ -390,13 +398,15 @@ def _sections() -> Iterator[str]:
         ("Path handler", PATH_HANDLERS, "`PathHandler` next to or below the local planner"),
         ("Smoother", SMOOTHERS, "`<name>`, for `base_smoother: <name>`"),
         ("Recovery behavior", RECOVERY_BEHAVIORS, "`<name>`"),
+        ("Dock type", DOCK_TYPES, "`docking_server/<name>`, for a name in `dock_plugins`"),
+        ("Dock detector", DOCK_DETECTORS, "`detector` below a dock type"),
     ):
         for entry in registry:
             if entry.origin == "navstack":
                 yield _plugin(title, entry, where, listed)
     for name, model in ((section, node_model(section)) for section in NODE_SECTIONS):
         yield _section(name, f"`{name}`, or `{name}/ros__parameters` in a file of ROS 2", model)
-    for title, where, model in _SAFETY_PARTS:
+    for title, where, model in _NODE_PARTS:
         yield _section(title, where, model)
     yield _section("navstack", "`navstack`, which ROS does not read", NavstackParams)
     for name, info in NavstackParams.model_fields.items():

@@ -305,7 +305,7 @@ def monitor_frames(configuration: Configuration) -> Iterator[Problem]:
     Fix: remove the parameter to use the frames of the costmaps.
     """
     sim = configuration.navstack.sim
-    frames = frames_of(configuration) | {sensor.frame for sensor in sim.sensors.values()}
+    frames = frames_of(configuration) | sim.written_frames
     frames |= {sim.lidar(name).frame for name in sim.lasers}
     parameters = ("base_frame_id", "odom_frame_id")
     for name, monitor, parameter in ((n, m, p) for n, m in _monitors(configuration) for p in parameters):

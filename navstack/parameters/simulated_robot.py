@@ -306,7 +306,7 @@ def unknown_frame(configuration: Configuration) -> Iterator[Problem]:
     Fix: give the simulated sensor this frame.
     """
     sim = configuration.navstack.sim
-    known = frames_of(configuration) | {p.frame for p in sim.sensors.values()}
+    known = frames_of(configuration) | sim.written_frames
     known |= (
         {sim.lidar(n).frame for n in sim.lasers} | {sim.bumper(n).frame for n in sim.bumpers} | {BumperParams().frame}
     )

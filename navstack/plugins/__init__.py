@@ -74,6 +74,9 @@ if TYPE_CHECKING:
     from navstack.plugins.critic import DistanceGrid as DistanceGrid
     from navstack.plugins.critic import RejectionDetail as RejectionDetail
     from navstack.plugins.critic import ScoringContext as ScoringContext
+    from navstack.plugins.docking import DockDetector as DockDetector
+    from navstack.plugins.docking import DockingRobot as DockingRobot
+    from navstack.plugins.docking import DockType as DockType
     from navstack.plugins.global_planner import GlobalPlanner as GlobalPlanner
     from navstack.plugins.global_planner import Plan as Plan
     from navstack.plugins.global_planner import Smoother as Smoother
@@ -102,6 +105,8 @@ if TYPE_CHECKING:
     from navstack.plugins.path_following import PluginSection as PluginSection
     from navstack.plugins.path_following import ProgressChecker as ProgressChecker
     from navstack.plugins.registry import CRITICS as CRITICS
+    from navstack.plugins.registry import DOCK_DETECTORS as DOCK_DETECTORS
+    from navstack.plugins.registry import DOCK_TYPES as DOCK_TYPES
     from navstack.plugins.registry import GLOBAL_PLANNERS as GLOBAL_PLANNERS
     from navstack.plugins.registry import GOAL_CHECKERS as GOAL_CHECKERS
     from navstack.plugins.registry import LAYERS as LAYERS

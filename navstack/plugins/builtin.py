@@ -174,4 +174,12 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "dead_reckoning": ("navstack.localization.dead_reckoning",),
         "scan_matching": ("navstack.localization.scan_matcher",),
     },
+    "dock type": {
+        "simple_charging_dock": ("navstack.docking.dock_types", "opennav_docking/SimpleChargingDock"),
+        "simple_non_charging_dock": ("navstack.docking.dock_types", "opennav_docking/SimpleNonChargingDock"),
+    },
+    "dock detector": {
+        "pose_topic": ("navstack.docking.detectors",),
+        "v_reflector": ("navstack.docking.reflector",),
+    },
 }

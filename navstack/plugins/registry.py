@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from navstack.plugins.behavior import RecoveryBehavior
     from navstack.plugins.costmap import Layer
     from navstack.plugins.critic import Critic
+    from navstack.plugins.docking import DockDetector, DockType
     from navstack.plugins.global_planner import GlobalPlanner, Smoother
     from navstack.plugins.local_planner import LocalPlanner
     from navstack.plugins.localization import Localizer
@@ -200,6 +201,8 @@ PATH_HANDLERS: Registry[PathHandler] = Registry("path handler", "navstack.path_h
 RECOVERY_BEHAVIORS: Registry[RecoveryBehavior] = Registry("recovery behavior", "navstack.recovery_behaviors")
 LOCALIZERS: Registry[Localizer] = Registry("localizer", "navstack.localizers")
 """Constructor: `(params, *, seed)`."""
+DOCK_TYPES: Registry[DockType] = Registry("dock type", "navstack.dock_types")
+DOCK_DETECTORS: Registry[DockDetector] = Registry("dock detector", "navstack.dock_detectors")
 
 REGISTRIES: tuple[Registry[Any], ...] = (
     LAYERS,
@@ -212,4 +215,6 @@ REGISTRIES: tuple[Registry[Any], ...] = (
     PATH_HANDLERS,
     RECOVERY_BEHAVIORS,
     LOCALIZERS,
+    DOCK_TYPES,
+    DOCK_DETECTORS,
 )

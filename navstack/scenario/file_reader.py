@@ -32,7 +32,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
-from navstack.behaviors import GoToStep, Step, read_step, step_text
+from navstack.behaviors import GoToStep
 from navstack.core import InputError, MapError, Pose2D, exists, is_file, short_repr
 from navstack.map_io import map_names, map_path
 from navstack.parameters import (
@@ -58,6 +58,7 @@ from navstack.parameters import (
 from navstack.plugins import ParamModel
 from navstack.scenario.fields import file_fields, file_key, file_model
 from navstack.scenario.interactions import INTERACTION, KINDS
+from navstack.scenario.low_battery import LowBattery
 from navstack.scenario.places import Places, is_step_node, load_places, pose_of, visit_order
 from navstack.scenario.recognition import SUFFIXES, is_scenario_file
 from navstack.scenario.scenario import MAX_INTERACTIONS, Scenario, too_many_pedestrians
@@ -70,6 +71,7 @@ from navstack.scenario.spec import (
     check_start_on_map,
     scenario_error,
 )
+from navstack.scenario.steps import Step, read_step, step_text
 from navstack.scenario.success import Success, SuccessConditions
 from navstack.sim import MOTIONS, PedestrianMotion, Shape
 
@@ -557,6 +559,17 @@ def _read_motion(context: ReadContext, node: Node, name: str) -> ParamModel | No
     return context.bind(model, node, f"{name}/motion")
 
 
+def read_low_battery(context: ReadContext) -> None:
+    """Reads `low_battery:`."""
+    node = context.mapping("low_battery", "threshold:, resume: and dock: below it")
+    if node is None:
+        return
+    context.check_keys(node, LowBattery.model_fields, "low_battery")
+    made = context.bind(LowBattery, node, "low_battery")
+    if made is not None:
+        context.spec.values["low_battery"] = made
+
+
 def read_success(context: ReadContext) -> None:
     """Reads `success:`."""
     node = context.mapping("success", "conditions indented below it, for example `max_time: 60`")
@@ -579,7 +592,20 @@ def _plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-SECTIONS = ("map", "places", "params", "set", "sim", "start", "goals", "tour", "shapes", "interactions", "success")
+SECTIONS = (
+    "map",
+    "places",
+    "params",
+    "set",
+    "sim",
+    "start",
+    "goals",
+    "tour",
+    "shapes",
+    "interactions",
+    "low_battery",
+    "success",
+)
 """Keys of a scenario file besides those of `Settings`."""
 _KEYS = (*Settings.model_fields, *SECTIONS)
 
@@ -630,6 +656,7 @@ def read_file(path: Path, shown: str | None = None) -> ReadContext:
     read_start_and_goals(context)
     read_shapes(context)
     read_interactions(context)
+    read_low_battery(context)
     read_success(context)
     return context
 

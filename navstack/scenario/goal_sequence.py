@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from navstack.behaviors import Step, step_text
 from navstack.bringup import PASSED_RADIUS_M
 from navstack.core import Pose2D, angle_between, jsonable
+from navstack.docking import DockDatabase, Docking, DockTask
 from navstack.move_base import GoalHandle, GoalResult, GoalStatus, GoalTimeLimitError, MotionHandle, MoveBase
 from navstack.plugins import Behavior
+from navstack.scenario.low_battery import ChargingErrand, LowBattery
 from navstack.scenario.outcome import GoalOutcome, RunMeasurements
+from navstack.scenario.steps import DockStep, Step, UndockStep, step_text
 from navstack.sim import SimulatedRobot
 
 
@@ -21,7 +23,7 @@ class SentGoal:
     index: int
     pose: Pose2D | None
     """The goal; None for a motion, whose target is known after its first step."""
-    handle: GoalHandle | MotionHandle
+    handle: GoalHandle | MotionHandle | DockTask | ChargingErrand
     step: str
     """The motion in words; empty for a goal."""
     time: float
@@ -32,12 +34,14 @@ class SentGoal:
     @property
     def target(self) -> Pose2D | None:
         """Where the robot should be at the end; None if that is not known (yet)."""
-        return self.handle.target if isinstance(self.handle, MotionHandle) else self.pose
+        return self.handle.target if isinstance(self.handle, (MotionHandle, DockTask)) else self.pose
 
     def cancel(self, move_base: MoveBase) -> None:
         """Cancels it."""
         if isinstance(self.handle, GoalHandle):
             move_base.cancel_goal(self.handle)
+        elif isinstance(self.handle, (DockTask, ChargingErrand)):
+            self.handle.cancel()
         elif move_base.motions.running is self.handle:
             move_base.motions.cancel()
 
@@ -56,6 +60,9 @@ class GoalSequence:
         time_limit_s: float,
         stop_on_failure: bool,
         pass_through: bool = False,
+        make_task: Callable[[DockStep | UndockStep], DockTask],
+        docks: DockDatabase,
+        low_battery: LowBattery | None = None,
     ) -> None:
         """`pass_through`: a goal counts as reached within PASSED_RADIUS_M, and the next one replaces it.
 
@@ -74,7 +81,8 @@ class GoalSequence:
         self._sent = 0
         self._skipped = 0
         self._robot, self._measurements = robot, measurements
-        self._make_motion = make_motion
+        self._make_motion, self._make_task = make_motion, make_task
+        self._docks, self._low_battery = docks, low_battery
         self._pause_s, self._time_limit_s, self._stop_on_failure = pause_s, time_limit_s, stop_on_failure
 
     @property
@@ -114,11 +122,41 @@ class GoalSequence:
         if isinstance(goal, Pose2D):
             limit = min(self._time_limit_s, move_base.goal_time_limit_s)
             sent = SentGoal(self._sent, goal, move_base.send_goal(goal, time_limit_s=limit), "", *at)
+        elif isinstance(goal, (DockStep, UndockStep)):
+            task = self._make_task(goal)
+            task.start()
+            sent = SentGoal(self._sent, None, task, step_text(goal), *at)
         else:
             sent = SentGoal(self._sent, None, move_base.motions.start(self._make_motion(goal)), step_text(goal), *at)
         self._sent += 1
         self.under_way.append(sent)
         return sent
+
+    @property
+    def is_charging(self) -> bool:
+        """True while the robot stands in a dock until it has its charge."""
+        for sent in self.under_way:
+            task = sent.handle.task if isinstance(sent.handle, ChargingErrand) else sent.handle
+            if isinstance(task, Docking) and task.is_charging:
+                return True
+        return False
+
+    def advance_tasks(self, move_base: MoveBase) -> None:
+        """Go on with docking after a tick; interrupt a goal if the battery is low, and send it again afterwards."""
+        for number, sent in enumerate(self.under_way):
+            handle = sent.handle
+            if isinstance(handle, (DockTask, ChargingErrand)):
+                handle.advance()
+            if isinstance(handle, ChargingErrand) and handle.is_over and sent.pose is not None:
+                limit = min(self._time_limit_s, move_base.goal_time_limit_s)
+                self.under_way[number] = replace(sent, handle=move_base.send_goal(sent.pose, time_limit_s=limit))
+        rule, battery = self._low_battery, self._robot.battery_state
+        if rule is None or battery is None or battery.charge >= rule.threshold or len(self.under_way) != 1:
+            return
+        sent = self.under_way[0]
+        if isinstance(sent.handle, GoalHandle) and not sent.handle.is_done:
+            errand = ChargingErrand(rule, sent.handle, move_base, self._docks, battery.charge)
+            self.under_way[0] = replace(sent, handle=errand)
 
     def finish_ended(self) -> None:
         """Stores the outcomes of the goals that have ended; after the last one under way, the pause begins."""
@@ -146,11 +184,14 @@ class GoalSequence:
             if sent.handle is move_base.motions.running and self._robot.time - sent.time > limit:
                 text = f"{sent.step} did not end within the time limit of {limit:g} s"
                 move_base.motions.cancel(GoalTimeLimitError(text, time_limit_s=limit))
+            elif isinstance(sent.handle, DockTask) and not self.is_charging and self._robot.time - sent.time > limit:
+                text = f"{sent.step} did not end within the time limit of {limit:g} s"
+                sent.handle.cancel(GoalTimeLimitError(text, time_limit_s=limit))
 
     def _outcome(self, sent: SentGoal) -> GoalOutcome:
         robot, result = self._robot, sent.handle.result
         goal = sent.target or robot.pose
-        motion = sent.handle if isinstance(sent.handle, MotionHandle) else None
+        motion = sent.handle if isinstance(sent.handle, (MotionHandle, DockTask)) else None
         if sent.index in self._passed:
             result = GoalResult(GoalStatus.SUCCEEDED, f"passed within {PASSED_RADIUS_M:g} m without a stop")
         return GoalOutcome(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, assert_never
 
 from navstack.bringup import reconfigure
@@ -190,14 +190,18 @@ class Interventions:
         problem = too_many_pedestrians(sum(isinstance(s.motion, PedestrianMotion) for s in shapes.values()))
         if problem is not None:
             raise InputError(f"{problem}; remove some")
-        grid, robot = self._scenario.map, self._robot
+        robot = self._robot
         if not self.world_changed:
             # the same obstacles, but all with a name
-            robot.change_world(World(grid, shapes=list(self.shapes.values())))
+            robot.change_world(self._world(self.shapes))
             self._identify()
-        robot.change_world(World(grid, shapes=list(shapes.values())))
+        robot.change_world(self._world(shapes))
         self.shapes = shapes
         self.world_changed = True
+
+    def _world(self, shapes: Mapping[str, Shape]) -> World:
+        """Return the world with these obstacles and the docks."""
+        return World(self._scenario.map, shapes=[*shapes.values(), *self._scenario.dock_shapes])
 
     def _identify(self) -> None:
         if self._recorder is not None:

@@ -12,9 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.behaviors import Step, motion_of
+from navstack.behaviors import motion_of
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
-from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle, working_time
+from navstack.core import (
+    InputError,
+    InternalError,
+    Listener,
+    NavError,
+    Pose2D,
+    Transform2D,
+    normalize_angle,
+    working_time,
+)
+from navstack.docking import DockDatabase, Docking, DockTask, Undocking
 from navstack.move_base import MotionHandle, MoveBase
 from navstack.parameters import Finding
 from navstack.plugins import Behavior
@@ -31,8 +41,10 @@ from navstack.record import (
 from navstack.scenario.goal_sequence import GoalSequence, SentGoal
 from navstack.scenario.interactions import effect_ends
 from navstack.scenario.interventions import Interventions
+from navstack.scenario.low_battery import LowBattery
 from navstack.scenario.outcome import GoalOutcome, RunMeasurements, RunResult, WarningCollector, advice_for
 from navstack.scenario.scenario import Scenario
+from navstack.scenario.steps import DockStep, Step, UndockStep
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import SimulatedRobot, wheel_drive
 
@@ -70,7 +82,7 @@ def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spoo
         spool=spool,
     )
     solids = robot.solids
-    if not robot.world.moves and scenario.shapes:
+    if not robot.world.moves and (scenario.shapes or scenario.dock_shapes):
         recorder.solids(solids.discs, solids.corners, solids.first)
     return recorder
 
@@ -166,6 +178,8 @@ class Run:
         chain = self.move_base.chain
         if self.recorder is not None and chain is not None and chain.monitor is not None:
             self.recorder.zones(chain.monitor.as_dict()["zones"])
+        self.docks = DockDatabase.of(configuration)
+        """The docks that the robot knows."""
         self.goals = GoalSequence(
             items,
             self.robot,
@@ -175,14 +189,22 @@ class Run:
             time_limit_s=scenario.time_limit_s,
             stop_on_failure=scenario.stop_on_failure,
             pass_through=scenario.pass_through,
+            make_task=self._make_task,
+            docks=self.docks,
+            low_battery=scenario.low_battery,
         )
         self.interventions = Interventions(
             scenario, self.robot, self.move_base, self.goals, self.recorder, listening, self._record_goal
         )
         self._upcoming = deque(sorted(scenario.interactions, key=lambda item: item.time))
         for item in items:
-            if not isinstance(item, Pose2D):
-                self._make_motion(item)  # a step that this robot cannot do is reported before it drives
+            # a step that this robot cannot do is reported before it drives
+            if isinstance(item, DockStep):
+                self.docks.type_of(self.docks.dock(item.dock))
+            elif not isinstance(item, (Pose2D, UndockStep)):
+                self._make_motion(item)
+        if scenario.low_battery is not None:
+            self._check_charger(scenario.low_battery)
         self._goes_on_until = -math.inf
         self._unrecorded: deque[SentGoal] = deque()
         self._idle_cycles = 0
@@ -218,11 +240,14 @@ class Run:
         if robot.by_hand is not None:
             robot.drive_by_hand(robot.by_hand)  # again, before the robot's command timeout
             due = min(due, robot.time + DRIVING_S)
+        if self.goals.is_charging:
+            due = min(due, robot.time + LONGEST_IDLE_S)
         if self.interventions.repeat_teleop():
             due = min(due, robot.time + DRIVING_S)
         before = robot.time
         robot.advance_to(min(due, move_base.next_due(before)))
         move_base.tick(robot.time)
+        goals.advance_tasks(move_base)
         if self.timings is not None:
             self.timings.add(move_base.last_tick)
         self._idle_cycles = self._idle_cycles + 1 if robot.time == before else 0
@@ -376,6 +401,28 @@ class Run:
             drive=None if fastest is None else wheel_drive(sim),
             max_wheel_speed=math.inf if fastest is None else fastest * sim.wheels.radius,
         )
+
+    def _make_task(self, step: DockStep | UndockStep) -> DockTask:
+        if isinstance(step, UndockStep):
+            return Undocking(self.move_base, self.docks, step.undock, max_undocking_time_s=step.max_undocking_time)
+        return Docking(
+            self.move_base,
+            self.docks,
+            step.dock,
+            navigate_to_staging_pose=step.navigate_to_staging_pose,
+            charge_until=step.until_charge,
+        )
+
+    def _check_charger(self, rule: LowBattery) -> None:
+        """Raise InputError, or DockNotInDatabaseError, for a rule without a dock or without a battery."""
+        if rule.dock:
+            self.docks.dock(rule.dock)
+        elif not self.docks.docks:
+            raise InputError("low_battery needs a dock; list one under docking_server/docks, or name a dock_database")
+        if rule.resume <= rule.threshold:
+            raise InputError(f"low_battery: resume {rule.resume:g} is not above threshold {rule.threshold:g}; raise it")
+        if self.scenario.configuration.navstack.sim.battery.capacity is None:
+            raise InputError("low_battery needs a battery that runs low; set navstack/sim/battery/capacity (Ah)")
 
     def _finish(self) -> None:
         if not self.done:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, TypeAdapter, ValidationError
 
 from navstack import __version__
-from navstack.behaviors import GoToStep, InvalidMotionError, Step, read_step, step_data
+from navstack.behaviors import GoToStep, InvalidMotionError
 from navstack.core import OccupancyGrid, Pose2D, RecordError, short_repr, shortened
 from navstack.parameters import Configuration, load_configuration
 from navstack.record import Record
@@ -27,8 +27,10 @@ from navstack.scenario.fields import (
     encode_floats,
 )
 from navstack.scenario.interactions import Interaction, as_data
+from navstack.scenario.low_battery import LowBattery
+from navstack.scenario.steps import Step, read_step, step_data
 from navstack.scenario.success import SuccessConditions
-from navstack.sim import PedestrianMotion, Shape, World
+from navstack.sim import PedestrianMotion, Shape, World, dock_shapes
 
 MAX_GOALS: Final = 100_000
 MAX_OBSTACLES: Final = 10_000
@@ -93,6 +95,8 @@ class Scenario:
     """Goals and motions in order, instead of `goals`: see `navstack.motion.steps`."""
     interactions: Annotated[tuple[_Interaction, ...], Field(max_length=MAX_INTERACTIONS)] = ()
     """What a person does during the run, models of `navstack.scenario.interactions`."""
+    low_battery: LowBattery | None = None
+    """When the robot interrupts its goal to charge; None: never."""
     success: _Conditions = SuccessConditions()
     """Conditions that the run must meet; they do not influence the run."""
     names: Annotated[dict[str, Any], NotStored()] = field(default_factory=dict[str, Any])
@@ -105,7 +109,12 @@ class Scenario:
 
     def world(self) -> World:
         """Returns the map with all obstacles."""
-        return World(self.map, self.obstacles, shapes=self.shapes)
+        return World(self.map, self.obstacles, shapes=(*self.shapes, *self.dock_shapes))
+
+    @property
+    def dock_shapes(self) -> tuple[Shape, ...]:
+        """The bodies of the docks of the parameters."""
+        return dock_shapes(self.configuration.navstack.sim)
 
     def as_dict(self) -> dict[str, Any]:
         """Returns the scenario as JSON data for the record; with the map, `from_record` restores it from this."""
@@ -164,7 +173,7 @@ class Scenario:
 
 _NOT_STORED: Final = {"map", "configuration", "names"}
 _REQUIRED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OMITTED: Final = ("name", "shapes", "steps", "interactions", "success", "pass_through")
+_OMITTED: Final = ("name", "shapes", "steps", "interactions", "low_battery", "success", "pass_through")
 """Fields that a record has only where they differ from their defaults."""
 
 

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from navstack.sim.camera import Camera as Camera
     from navstack.sim.camera import CameraImage as CameraImage
     from navstack.sim.collision import Collision as Collision
+    from navstack.sim.docks import Docks as Docks
+    from navstack.sim.docks import contact_error as contact_error
+    from navstack.sim.docks import dock_shapes as dock_shapes
     from navstack.sim.estimation import Estimation as Estimation
     from navstack.sim.lidar import Lidar as Lidar
     from navstack.sim.movers import Mover as Mover

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import (
+    BatteryState,
+    DockDetection,
     Footprint,
     FrameTree,
     ImuReading,
@@ -39,6 +41,7 @@ from navstack.sim.body import (
 from navstack.sim.camera import Camera, CameraImage
 from navstack.sim.collision import Collision
 from navstack.sim.crowd import Crowd
+from navstack.sim.docks import Docks
 from navstack.sim.estimation import Estimation, Localization
 from navstack.sim.sensors import SensorSuite
 from navstack.sim.solids import Solids, concatenate_solids
@@ -197,6 +200,9 @@ class SimulatedRobot:
         """What the robot believes, by a localizer and an odometry filter."""
         self._filtered: Transform2D | None = None
         self._sensors = SensorSuite(params, footprint, start, seed=seed)
+        uses_docks = bool(params.docks) or params.battery.capacity is not None
+        self.docks: Docks | None = Docks(params, seed=seed) if uses_docks else None
+        """The docks of the world and the battery; None for a world without docks and a robot without a battery."""
         self._begin(Transform2D(*odometry))
 
     def _begin(self, odometry: Transform2D) -> None:
@@ -216,6 +222,9 @@ class SimulatedRobot:
             start = localization.start if estimation.localizer is None else estimation.correction
             frames.set(self.map_frame, self.odom_frame, start, 0.0)
         self._sensors.start(self.pose, self._solids)
+        if self.docks is not None:
+            self.docks.mount(frames, self.base_frame)
+            self.docks.start(self.pose)
 
     # --- time ---------------------------------------------------------------------------------------------------------
 
@@ -313,6 +322,10 @@ class SimulatedRobot:
         stamps = [step / frequency for step in range(observed + 1, last + 1)]
         self._sensors.observe(observed, rows, self._solids, collided=self._collided)
         self._collided = self.in_collision
+        if self.docks is not None:
+            self.docks.observe(observed, rows, self._now.distance)
+            if self.docks.is_empty:
+                self._commands.add(_STOP, last)
         odometry = list(map(_transform, samples[:, 3:6].tolist()))
         if self.estimation.odometry is not None:
             odometry = self.estimation.filtered(odometry, stamps, self._sensors.imu_readings())
@@ -359,14 +372,28 @@ class SimulatedRobot:
         """Returns the IMU readings since the last call, by IMU, oldest first."""
         return self._sensors.imu_readings()
 
+    def dock_detections(self) -> Sequence[DockDetection]:
+        """Returns the detections of docks since the last call, oldest first."""
+        return [] if self.docks is None else self.docks.fetch(self.time)
+
+    @property
+    def battery_state(self) -> BatteryState | None:
+        """The state of the battery; None for a robot without one."""
+        return None if self.docks is None else self.docks.battery
+
     def command(self, twist: Twist2D) -> None:
-        """Commands a velocity from the current step on, after the command delay; only a holonomic base uses `vy`."""
+        """Commands a velocity from the current step on, after the command delay; only a holonomic base uses `vy`.
+
+        A robot whose battery is empty stands still.
+        """
         if not twist.is_finite():
             raise InputError(f"the command {tuple(twist)} is not finite", command=twist)
         if self._by_hand is None:
             self._give(twist)
 
     def _give(self, twist: Twist2D) -> None:
+        if self.docks is not None and self.docks.is_empty:
+            twist = _STOP
         if self.params.kinematics != "holonomic" and twist.vy != 0.0:
             twist = Twist2D(twist.vx, 0.0, twist.wz)
         self._commands.add(twist, self._step)

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from navstack.testing.critic import CriticContract as CriticContract
     from navstack.testing.critic import critic_contract as critic_contract
+    from navstack.testing.dock_detector import DockDetectorContract as DockDetectorContract
+    from navstack.testing.dock_detector import dock_detector_contract as dock_detector_contract
     from navstack.testing.global_planner import GlobalPlannerContract as GlobalPlannerContract
     from navstack.testing.global_planner import global_planner_contract as global_planner_contract
     from navstack.testing.layer import LayerContract as LayerContract

@@ -32,6 +32,7 @@ LEVELS: Final[tuple[tuple[str, ...], ...]] = (
         "sim",
     ),
     ("move_base",),
+    ("docking",),
     ("bringup", "record"),
     ("scenario", "logs"),
     ("replay",),

@@ -410,6 +410,93 @@ class CameraParams(ParamModel):
         return 0.5 * (self.width - 1), 0.5 * (self.height - 1)
 
 
+class SimDockParams(ParamModel):
+    """A dock of the simulated world: a body that lidars see, a marker that the dock camera sees, and two contacts.
+
+    The battery is charged while the robot is at the contacts.
+    """
+
+    pose: list[float] = param(
+        [0.0, 0.0, 0.0],
+        "[x, y, yaw] in the map of the base of a robot whose contacts meet those of the dock; the x axis points into the dock",
+        unit="m, m, rad",
+    )
+    contact_side: Literal["front", "back"] = param("front", "the end of the robot that has the contacts")
+    body: Literal["none", "box", "v_reflector"] = param(
+        "box", "none: no obstacle; box: a box behind the marker; v_reflector: two walls that meet in the marker"
+    )
+    marker_x: float = param(
+        0.25, "distance from the docked base to the marker and the face of the body", unit="m", gt=0.0
+    )
+    width: float = param(0.3, "width of the box", unit="m", gt=0.0)
+    depth: float = param(0.1, "depth of the box, and of the reflector behind its vertex", unit="m", gt=0.0)
+    reflector_length: float = param(0.2, "length of each of the two walls", unit="m", gt=0.0)
+    reflector_angle: float = param(
+        2.36,
+        "angle between the two walls on the side of the robot: below pi the vertex is the deepest point, above pi the nearest",
+        unit="rad",
+        gt=0.5,
+        lt=5.8,
+    )
+    height: float | None = param(
+        None, "a lidar mounted higher does not see the body; none: always seen", unit="m", gt=0.0
+    )
+    has_marker: bool = param(True, "the dock camera sees the dock")
+    contact_depth: float = param(
+        0.005, "travel of the springs of the contacts: error along the x axis at which they meet", unit="m", gt=0.0
+    )
+    contact_width: float = param(
+        0.01, "half the width of the contacts: lateral error at which they meet", unit="m", gt=0.0
+    )
+    contact_angle: float = param(0.0175, "error of the yaw at which both contacts meet (1 degree)", unit="rad", gt=0.0)
+    powered: bool = param(True, "false: the contacts carry no current")
+    charging_current: float = param(4.0, "current from the contacts", unit="A", gt=0.0)
+    charging_delay: float = param(0.5, "time from the contact to the current", unit="s", ge=0.0)
+
+    @field_validator("pose")
+    @classmethod
+    def _check_pose(cls, value: list[float]) -> list[float]:
+        if len(value) != 3:
+            raise ValueError(f"pose = {value} is not a pose; write [x, y, yaw] (m, m, rad)")
+        return value
+
+
+class DockCameraParams(ParamModel):
+    """What sees the markers of docks: a detector of tags behind a camera. It measures only in a world with docks."""
+
+    frame: str = param("dock_camera", "frame of the detections")
+    topic: str = param("detected_dock_pose", "topic of the detections")
+    x: float = param(0.1, "position in the base frame", unit="m")
+    y: float = param(0.0, "position in the base frame", unit="m")
+    yaw: float = param(0.0, "viewing direction in the base frame", unit="rad")
+    frequency: float = param(15.0, "rate of the detections", unit="Hz", gt=0.0)
+    fov: float = param(1.2, "field of view", unit="rad", gt=0.0, le=2.0 * math.pi)
+    range_min: float = param(0.1, "nearest marker", unit="m", ge=0.0)
+    range_max: float = param(3.0, "farthest marker", unit="m", gt=0.0)
+    max_obliqueness: float = param(
+        1.2, "largest angle between the normal of the marker and the line of sight", unit="rad", gt=0.0
+    )
+    noise: float = param(0.0, "standard deviation of x and of y in a detection", unit="m", ge=0.0)
+    yaw_noise: float = param(0.0, "standard deviation of the yaw in a detection", unit="rad", ge=0.0)
+    dropout: float = param(0.0, "share of the detections that fail", ge=0.0, le=1.0)
+    delay: float = param(0.0, "time from a measurement to its arrival", unit="s", ge=0.0)
+
+    @model_validator(mode="after")
+    def _check_ranges(self) -> Self:
+        _check_range(self.range_min, self.range_max)
+        return self
+
+
+class BatteryParams(ParamModel):
+    """The battery of the simulated robot. At a charge of 0 the base no longer moves."""
+
+    capacity: float | None = param(None, "charge of the full battery; none: it never changes", unit="Ah", gt=0.0)
+    charge: float = param(1.0, "share of the capacity at the start", ge=0.0, le=1.0)
+    voltage: float = param(14.8, "voltage", unit="V", gt=0.0)
+    idle_current: float = param(1.0, "current of the robot at rest", unit="A", ge=0.0)
+    drive_current: float = param(2.0, "further current at 1 m/s, in proportion to the speed", unit="A s/m", ge=0.0)
+
+
 class SimParams(BodyParams):
     """The simulated robot and its sensors.
 
@@ -500,8 +587,11 @@ class SimParams(BodyParams):
     sonars: list[str] = param([], "names of the sonars")
     imus: list[str] = param([], "names of the inertial measurement units")
     cameras: list[str] = param(["camera"], "names of the cameras, which take pictures only when they are asked")
-    sensors: dict[str, LidarParams | BumperParams | SonarParams | ImuParams | CameraParams] = param(
-        {}, "parameters of each sensor, by name"
+    docks: list[str] = param([], "names of the docks of the world")
+    dock_camera: DockCameraParams = param(DockCameraParams(), "what sees the markers of the docks")
+    battery: BatteryParams = param(BatteryParams(), "the battery, which docks charge")
+    sensors: dict[str, LidarParams | BumperParams | SonarParams | ImuParams | CameraParams | SimDockParams] = param(
+        {}, "parameters of each sensor and of each dock, by name"
     )
 
     @classmethod
@@ -509,6 +599,7 @@ class SimParams(BodyParams):
         """Return the model of every sensor: `LidarParams` for the names in `lasers`, `BumperParams` for `bumpers`, and so on."""
         models: dict[str, type[ParamModel]] = {}
         for key, model in (
+            ("docks", SimDockParams),
             ("cameras", CameraParams),
             ("imus", ImuParams),
             ("sonars", SonarParams),
@@ -527,17 +618,18 @@ class SimParams(BodyParams):
             raise ValueError(f"{value} is not a pose; write [x, y, yaw] (m, m, rad)")
         return value
 
-    @field_validator("lasers", "bumpers", "sonars", "imus", "cameras")
+    @field_validator("lasers", "bumpers", "sonars", "imus", "cameras", "docks")
     @classmethod
     def _check_unique(cls, value: list[str]) -> list[str]:
         twice = sorted({name for name in value if value.count(name) > 1})
         if twice:
-            raise ValueError(f"the name {', '.join(twice)} is used twice; give each sensor a unique name")
+            raise ValueError(f"the name {', '.join(twice)} is used twice; give each one a unique name")
         return value
 
     @model_validator(mode="after")
     def _check_one_kind_each(self) -> Self:
         kinds = {"a lidar": self.lasers, "a bumper": self.bumpers, "a sonar": self.sonars, "an IMU": self.imus}
+        kinds["a dock"] = self.docks
         if "cameras" in self.model_fields_set:  # else a lidar may have the name of the camera that nobody asked for
             kinds["a camera"] = self.cameras
         for number, (kind, names) in enumerate(kinds.items()):
@@ -545,7 +637,7 @@ class SimParams(BodyParams):
                 both = [name for name in names if name in others]
                 if both:
                     raise ValueError(
-                        f"{', '.join(both)} is the name of {kind} and of {other}; give each sensor a unique name"
+                        f"{', '.join(both)} is the name of {kind} and of {other}; give each one a unique name"
                     )
         return self
 
@@ -579,6 +671,11 @@ class SimParams(BodyParams):
         return {name: p for name, p in self.sensors.items() if isinstance(p, LidarParams)}
 
     @property
+    def written_frames(self) -> frozenset[str]:
+        """Frames of the sensors that have a namespace."""
+        return frozenset(p.frame for p in self.sensors.values() if not isinstance(p, SimDockParams))
+
+    @property
     def scan_heights(self) -> dict[str, float]:
         """Height (m) of the frame of each lidar that publishes scans; the points of clouds are above the ground themselves."""
         lidars = [self.lidar(name) for name in self.lasers]
@@ -607,3 +704,7 @@ class SimParams(BodyParams):
     def camera(self, name: str) -> CameraParams:
         """Return the parameters of a camera; the defaults if it has no namespace."""
         return self._sensor(name, CameraParams)
+
+    def dock(self, name: str) -> SimDockParams:
+        """Return the parameters of a dock; the defaults if it has no namespace."""
+        return self._sensor(name, SimDockParams)
