@@ -202,7 +202,7 @@ def sweep(points, works, radius, step, visits, last, travelled):
 
 @plain_kernel
 def stamp(points, radius, step, area, passes, mark, number, change):
-    """Add `change` to `passes` (ny, nx) under a round tool along the polyline `points` (n, 2), once per cell; cells as in `sweep`.
+    """Add `change` to `passes` (ny, nx) under a round tool along the polyline `points` (n, 2), once per cell, as in `sweep`.
 
     Only cells of `area` (ny, nx) count. `mark` (ny, nx) int32 is scratch: `number`, another one in each call, marks what this
     polyline has met. Returns how many cells the polyline covers, and how many of them no other one does.

@@ -75,13 +75,15 @@ class Area:
         return np.ascontiguousarray((points[:, :2] - (g.origin_x, g.origin_y)) / g.resolution - 0.5)
 
 
-def reach_of(footprint: Footprint, resolution: float) -> float:
+def reach_of(footprint: Footprint, resolution: float, clearance: float) -> float:
     """Return how far (m) centers of cells must be from every obstacle for the footprint to be free on lines between them.
+
+    `clearance` (m) is what the footprint keeps from obstacles.
 
     A line between three neighboring centers is nowhere farther than half a diagonal from one of them, so by Pythagoras the
     distance to an obstacle is at least the footprint's circumscribed radius there.
     """
-    return math.hypot(footprint.circumscribed_radius, math.sqrt(0.5) * resolution) + ROUNDING_M
+    return math.hypot(footprint.circumscribed_radius + clearance, math.sqrt(0.5) * resolution) + ROUNDING_M
 
 
 def near(blocked: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
@@ -113,17 +115,19 @@ def make_area(
     start: Pose2D,
     operation_width: float,
     *,
+    clearance: float = 0.0,
     polygon: shapely.Polygon | shapely.MultiPolygon | None = None,
     avoid: NDArray[np.bool_] | None = None,
 ) -> Area:
     """Return what a tool of `operation_width` (m) at the center of the robot can cover from `start`.
 
     Lethal and unknown cells of the costmap are obstacles. `polygon` (m, costmap's frame) limits the work: the footprint stays
-    inside it and out of its holes. `avoid` (ny, nx): positions where the robot must not stand. Raises NothingToCoverError and InvalidCoverageRequestError.
+    inside it and out of its holes. The footprint keeps `clearance` (m) from obstacles. `avoid` (ny, nx): positions where the
+    robot must not stand. Raises NothingToCoverError and InvalidCoverageRequestError.
     """
     g = costmap.geometry
     obstacles = (costmap.data == LETHAL) | (costmap.data == UNKNOWN)
-    radius = reach_of(footprint, g.resolution) / g.resolution
+    radius = reach_of(footprint, g.resolution, clearance) / g.resolution
     outside = holes = None
     if polygon is not None:
         outside, holes = _outside(polygon, g)

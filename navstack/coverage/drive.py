@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from navstack.behaviors import DriveToPose, InvalidMotionError, MotionCollisionError, MotionTimeoutError
 from navstack.core import LETHAL, Costmap, NavError, Path, Pose2D, RobotState, Transform2D, Twist2D
@@ -28,6 +29,10 @@ WAIT_S: Final = 2.0
 """Time for which an obstacle on the way may move away before the rest is planned anew (s)."""
 MOST_PLANS: Final = 60
 """Plans of one drive, at most."""
+SAME_CELLS: Final = 2
+"""An obstacle within so many cells of a known one is that one."""
+AGAIN_M: Final = 0.15
+"""Two stops this near to each other are at the same obstacle (m)."""
 SHORTEST_LEG_M: Final = 0.03
 """Corners closer together than this are one (m)."""
 
@@ -73,6 +78,8 @@ class CoverageDrive(Behavior[CoverageParams]):
         self._waiting_since: float | None = None
         self._avoid: NDArray[np.bool_] | None = None
         self._blocked: NDArray[np.bool_] | None = None
+        self._known: Costmap | None = None
+        self._stops: list[tuple[float, float]] = []
         self._last_failure = ""
 
     # --- a behavior ---------------------------------------------------------------------------------------------------
@@ -92,24 +99,20 @@ class CoverageDrive(Behavior[CoverageParams]):
         }
 
     def start(self, context: BehaviorContext, now: float) -> None:
-        """Plan the whole area. Raises the errors of `plan_coverage`."""
+        """Start; the first step plans, with costmaps that are current then."""
         self._context = context
         self.frame = context.global_costmap.frame
         self.track, self.plans, self.plan, self.current = [], 0, None, None
-        self._avoid = self._blocked = self._waiting_since = self._inner = None
-        self._plan(context.global_costmap.robot_pose(now))
-        plan = self.plan = self.current
-        assert plan is not None
-        points, _ = plan.line()
-        steps = np.diff(points, axis=0, append=points[-1:])
-        self.reference = Path(np.column_stack((points, np.arctan2(steps[:, 1], steps[:, 0]))), self.frame)
-        self.target = Pose2D(*points[-1].tolist(), 0.0)
+        self._avoid = self._blocked = self._waiting_since = self._inner = self._known = None
+        self._stops = []
 
     def step(self, state: RobotState, now: float) -> BehaviorStep:
-        """Return the next command. Raises CoverageError if nothing can be covered."""
+        """Return the next command. Raises the errors of `plan_coverage`, and CoverageError if nothing could be covered."""
         context = self._context
         assert context is not None
         pose = context.global_costmap.robot_pose(now)
+        if self.plan is None:
+            self._begin(pose)
         if self._waiting_since is not None:
             self._remember(now, pose, works=False)
             if now - self._waiting_since < WAIT_S:
@@ -193,6 +196,16 @@ class CoverageDrive(Behavior[CoverageParams]):
             "left": [part.as_dict() for part in left],
         }
 
+    def _begin(self, pose: Pose2D) -> None:
+        """Plan the whole area."""
+        self._plan(pose)
+        plan = self.plan = self.current
+        assert plan is not None
+        points, _ = plan.line()
+        steps = np.diff(points, axis=0, append=points[-1:])
+        self.reference = Path(np.column_stack((points, np.arctan2(steps[:, 1], steps[:, 0]))), self.frame)
+        self.target = Pose2D(*points[-1].tolist(), 0.0)
+
     # --- planning and obstacles ---------------------------------------------------------------------------------------
 
     def _plan(self, pose: Pose2D, done: NDArray[np.bool_] | None = None) -> None:
@@ -242,40 +255,51 @@ class CoverageDrive(Behavior[CoverageParams]):
         return True
 
     def _seen(self, context: BehaviorContext) -> Costmap:
-        """Return the global costmap with the obstacles that only the local one contains."""
+        """Return the costmap of the first plan, with the obstacles that both costmaps contain now.
+
+        What is next to an obstacle of the first plan is that obstacle: a scan marks cells on either side of a wall's surface.
+        """
         master, local = context.global_costmap.master, context.local_costmap
-        seen = Costmap(master.geometry, master.data.copy(), master.frame)
-        if self.plans == 0:
-            return seen
-        ys, xs = np.nonzero(local.master.data == LETHAL)
-        if len(xs):
-            g = local.master.geometry
+        if self._known is None:
+            self._known = Costmap(master.geometry, master.data.copy(), master.frame)
+            return self._known
+        known = self._known
+        lethal = np.zeros(known.geometry.shape, np.bool_)
+        for costmap, to_map in ((master, Transform2D()), (local.master, self._local_to_map(context))):
+            ys, xs = np.nonzero(costmap.data == LETHAL)
+            g = costmap.geometry
             points = np.zeros((len(xs), 3))
             points[:, 0] = g.origin_x + (xs + 0.5) * g.resolution
             points[:, 1] = g.origin_y + (ys + 0.5) * g.resolution
-            now = self.track[-1][0] if self.track else 0.0
-            robot, here = context.global_costmap.robot_pose(now), local.robot_pose(now)
-            to_map = Transform2D(*robot) @ Transform2D(*here).inverse()
             points = to_map.apply_poses(points)
-            g = master.geometry
+            g = known.geometry
             ix = np.floor((points[:, 0] - g.origin_x) / g.resolution).astype(np.int64)
             iy = np.floor((points[:, 1] - g.origin_y) / g.resolution).astype(np.int64)
             inside = (ix >= 0) & (iy >= 0) & (ix < g.nx) & (iy < g.ny)
-            seen.data[iy[inside], ix[inside]] = LETHAL
-        return seen
+            lethal[iy[inside], ix[inside]] = True
+        walls = ndimage.binary_dilation(known.data == LETHAL, np.ones((3, 3), np.bool_), iterations=SAME_CELLS)
+        data = known.data.copy()
+        data[lethal & ~walls] = LETHAL
+        return Costmap(known.geometry, data, known.frame)
+
+    def _local_to_map(self, context: BehaviorContext) -> Transform2D:
+        now = self.track[-1][0]
+        in_map, here = context.global_costmap.robot_pose(now), context.local_costmap.robot_pose(now)
+        return Transform2D(*in_map) @ Transform2D(*here).inverse()
 
     def _stopped(self, error: NavError, pose: Pose2D, now: float) -> BehaviorStep:
-        """Wait before the obstacle; positions where the footprint hit it are no longer driven to."""
-        context = self._context
-        assert context is not None
+        """Wait before the obstacle. Where the footprint hit one twice, positions are no longer driven to."""
         self._inner, self._waiting_since, self._last_failure = None, now, error.message
-        g = context.global_costmap.master.geometry
-        if self._avoid is None:
-            self._avoid = np.zeros(g.shape, np.bool_)
+        assert self._known is not None
+        g = self._known.geometry
         x, y, _ = error.data.get("collision_ahead") or [0.0, 0.0, 0.0]
         at = Transform2D(*pose).apply(Pose2D(float(x), float(y), 0.0))
+        again = any(math.hypot(at.x - p, at.y - q) < AGAIN_M for p, q in self._stops)
+        self._stops.append((at.x, at.y))
         cell = g.world_to_cell(at.x, at.y)
-        if cell is not None:
+        if again and cell is not None:
+            if self._avoid is None:
+                self._avoid = np.zeros(g.shape, np.bool_)
             ix, iy = cell
             self._avoid[max(0, iy - 1) : iy + 2, max(0, ix - 1) : ix + 2] = True
         return BehaviorStep(BehaviorStatus.RUNNING, Twist2D(), data=self._progress())

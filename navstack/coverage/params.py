@@ -77,6 +77,13 @@ class CoverageParams(ParamModel):
     operation_width: float = param(
         0.35, "width of the tool, a disc at the center of the robot", unit="m", gt=0.0, le=100.0
     )
+    clearance: float = param(
+        0.075,
+        "distance of the footprint from obstacles, for noise (an addition of navstack)",
+        unit="m",
+        ge=0.0,
+        le=10.0,
+    )
     min_turning_radius: float = param(0.0, "of the base; 0: it turns in place", unit="m", ge=0.0, le=100.0)
     generate_headland: bool = param(True, "drive along the border first")
     generate_route: bool = param(True, "order the swaths; without it there are swaths only")

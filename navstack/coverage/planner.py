@@ -102,14 +102,16 @@ def plan_coverage(
 ) -> CoveragePlan:
     """Return a plan that covers what a tool at the center of the robot can reach from `start`.
 
-    `costmap` in the frame of `start` and `polygon`; for `avoid` see `make_area`, for `done` see `plan_in`. Raises NothingToCoverError and
-    InvalidCoverageRequestError.
+    `costmap` in the frame of `start` and `polygon`; for `avoid` see `make_area`, for `done` see `plan_in`. Raises
+    NothingToCoverError and InvalidCoverageRequestError.
     """
     clock = _Clock()
     require_finite_pose(start, "start")
     if polygon is not None:
         check_field(polygon, costmap.geometry)
-    area = make_area(costmap, footprint, start, params.operation_width, polygon=polygon, avoid=avoid)
+    area = make_area(
+        costmap, footprint, start, params.operation_width, clearance=params.clearance, polygon=polygon, avoid=avoid
+    )
     clock.lap("area")
     return plan_in(area, params, done=done, clock=clock)
 
@@ -204,11 +206,9 @@ def _swaths(area: Area, params: CoverageParams, canvas: Canvas) -> tuple[list[Pa
     radius = max(1, round(0.5 * NARROW * width))
     y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     needed = ndimage.binary_opening(needed, x * x + y * y <= radius * radius)
-    angle = (
-        params.swath_mode.best_angle % math.pi
-        if params.swath_mode.mode == "SET_ANGLE"
-        else best_angle(needed, width, params.swath_mode.step_angle)
-    )
+    mode = params.swath_mode
+    fixed = mode.mode == "SET_ANGLE"
+    angle = mode.best_angle % math.pi if fixed else best_angle(needed, width, mode.step_angle)
     if not needed.any():
         return [], angle
     frame = rotated(needed, area, angle)
@@ -218,12 +218,12 @@ def _swaths(area: Area, params: CoverageParams, canvas: Canvas) -> tuple[list[Pa
             continue
         found = [swaths_in(cell, frame, width, across=across) for across in (False, True)]
         costs = [_cost(lines) for lines in found]
-        lines = found[0] if params.swath_mode.mode == "SET_ANGLE" or costs[0] <= costs[1] else found[1]
+        lines = found[0] if fixed or costs[0] <= costs[1] else found[1]
         index = 0
         for line in lines:
             for u0, v0, u1, v1 in line:
-                for part in clear_parts(area, frame.to_world(u0, v0), frame.to_world(u1, v1)):
-                    passes.append(Pass("swath", part, number, index))
+                parts = clear_parts(area, frame.to_world(u0, v0), frame.to_world(u1, v1))
+                passes += [Pass("swath", part, number, index) for part in parts]
                 index += 1
     for each in passes:
         canvas.stamp(each.points, 1)

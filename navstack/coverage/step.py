@@ -1,4 +1,4 @@
-"""The step `cover` of a scenario: {cover: all}, {cover: lawn.geojson}, {cover: [[0, 0], [4, 0], [4, 3]], operation_width: 0.3}."""
+"""The step `cover` of a scenario: {cover: all}, {cover: lawn.geojson}, {cover: [[0, 0], [4, 0], [4, 3]]}, with parameters."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -98,7 +99,7 @@ def pieces_of(line: NDArray[np.float64], length: float) -> list[NDArray[np.float
         return [line[:1].repeat(2, axis=0)]
     cuts = np.linspace(0.0, total, max(1, round(total / length)) + 1)
     pieces: list[NDArray[np.float64]] = []
-    for a, b in zip(cuts[:-1], cuts[1:]):
+    for a, b in pairwise(cuts.tolist()):
         inner = line[(at > a + 1e-9) & (at < b - 1e-9)]
         ends = np.column_stack([np.interp((a, b), at, line[:, i]) for i in (0, 1)])
         pieces.append(np.concatenate((ends[:1], inner, ends[1:])))
