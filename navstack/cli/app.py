@@ -47,6 +47,9 @@ COMMANDS: Final = {
         "tour",
         "Drive a simulated robot to named places. Ctrl-C, SIGTERM and SIGHUP stop the robot and keep record and log.",
     ),
+    "cover": LazyCommand(
+        "cover", "cover", "Plan, and drive, a tool over all of a map or polygon that the footprint can reach."
+    ),
     "move": LazyCommand(
         "motions",
         "move",

@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from navstack.coverage.area import Area as Area
     from navstack.coverage.area import make_area as make_area
+    from navstack.coverage.area import roomy_start as roomy_start
     from navstack.coverage.drive import CoverageDrive as CoverageDrive
     from navstack.coverage.errors import CoverageError as CoverageError
     from navstack.coverage.errors import InvalidCoverageRequestError as InvalidCoverageRequestError
     from navstack.coverage.errors import InvalidModeError as InvalidModeError
     from navstack.coverage.errors import NothingToCoverError as NothingToCoverError
+    from navstack.coverage.field import Field as Field
     from navstack.coverage.field import field_of_corners as field_of_corners
     from navstack.coverage.field import read_field as read_field
     from navstack.coverage.measure import CoverageFigures as CoverageFigures

@@ -136,23 +136,21 @@ def make_area(
         passable &= ~avoid
     free = passable if outside is None else passable & ~near(obstacles | outside, radius)
     if not passable.any():
-        raise NothingToCoverError(
-            f"the footprint (circumscribed radius {footprint.circumscribed_radius:.2f} m) fits nowhere on this map; "
-            "check robot_radius or footprint, and the resolution and thresholds of the map",
-            circumscribed_radius_m=footprint.circumscribed_radius,
-        )
+        raise _fits_nowhere(footprint, "on this map", "check robot_radius or footprint, and the thresholds of the map")
     cell = nearest_free(passable, g, start)
     labels, _ = ndimage.label(passable, np.ones((3, 3), np.int8))
     connected = labels == labels[cell[1], cell[0]]
     free = free & connected
     if not free.any():
-        where = (
-            "inside the polygon, or it cannot be reached from the start" if polygon is not None else "from the start"
-        )
-        raise NothingToCoverError(
-            f"the footprint (circumscribed radius {footprint.circumscribed_radius:.2f} m) fits nowhere {where}; "
-            "enlarge the polygon, or begin elsewhere",
-            circumscribed_radius_m=footprint.circumscribed_radius,
+        where = "from the start" if polygon is None else "inside the polygon, or it cannot get there from the start"
+        raise _fits_nowhere(footprint, where, "enlarge the polygon, or begin elsewhere")
+    widest = 2.0 * float(ndimage.distance_transform_edt(np.pad(~obstacles, 1)).max()) * g.resolution
+    if operation_width > widest:
+        raise InvalidCoverageRequestError(
+            f"operation_width is {operation_width:g} m, wider than the free space, {widest:.2f} m at most; give the width of "
+            "the tool in meters",
+            operation_width=operation_width,
+            widest_m=widest,
         )
     factor = max(1, math.ceil(CELLS_PER_TOOL * g.resolution / operation_width))
     factor += 1 - factor % 2  # odd: the centers of `free` are centers of the finer grid
@@ -204,3 +202,26 @@ def _outside(
         shapely.prepare(grown)
         holes = shapely.contains_xy(grown, x, y)
     return outside | holes, holes
+
+
+def roomy_start(costmap: Costmap, footprint: Footprint, *, clearance: float = 0.0) -> Pose2D:
+    """Return a pose in the largest connected region where the footprint fits. Raises NothingToCoverError."""
+    g = costmap.geometry
+    obstacles = (costmap.data == LETHAL) | (costmap.data == UNKNOWN)
+    free = ~near(obstacles, reach_of(footprint, g.resolution, clearance) / g.resolution)
+    labels, number = ndimage.label(free, np.ones((3, 3), np.int8))
+    if not number:
+        raise _fits_nowhere(footprint, "on this map", "check robot_radius or footprint, and the thresholds of the map")
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    ys, xs = np.nonzero(labels == int(sizes.argmax()))
+    x, y = g.cell_to_world(int(xs[len(xs) // 2]), int(ys[len(ys) // 2]))
+    return Pose2D(x, y, 0.0)
+
+
+def _fits_nowhere(footprint: Footprint, where: str, fix: str) -> NothingToCoverError:
+    radius = footprint.circumscribed_radius
+    return NothingToCoverError(
+        f"the footprint (circumscribed radius {radius:.2f} m) fits nowhere {where}; {fix}",
+        circumscribed_radius_m=radius,
+    )

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from navstack.behaviors import DriveToPose, InvalidMotionError, MotionCollisionError, MotionTimeoutError
 from navstack.core import LETHAL, Costmap, NavError, Path, Pose2D, RobotState, Transform2D, Twist2D
-from navstack.coverage.errors import CoverageError
+from navstack.coverage.errors import CoverageError, InvalidModeError
 from navstack.coverage.field import Field, as_geojson
 from navstack.coverage.measure import CoverageFigures, figures_of, left_in, visits_of
 from navstack.coverage.params import CoverageParams
@@ -57,8 +57,10 @@ class CoverageDrive(Behavior[CoverageParams]):
         field: Field | None = None,
         name: str = "cover",
     ) -> None:
-        """`field` (m, frame of the global costmap) limits the work."""
+        """`field` (m, frame of the global costmap) limits the work. Raises InvalidModeError without a path."""
         super().__init__(name, params)
+        if not (params.generate_route and params.generate_path):
+            raise InvalidModeError(f"{name}: driving needs generate_route and generate_path; leave both true")
         self.field = field
         self.plan: CoveragePlan | None = None
         """The first plan, for the whole area."""
@@ -74,6 +76,8 @@ class CoverageDrive(Behavior[CoverageParams]):
         self._context: BehaviorContext | None = None
         self._legs: list[tuple[float, float, bool]] = []
         self._next = 0
+        self._ahead = [0.0]
+        """Length of the legs from each on (m)."""
         self._inner: DriveToPose | None = None
         self._waiting_since: float | None = None
         self._avoid: NDArray[np.bool_] | None = None
@@ -234,6 +238,9 @@ class CoverageDrive(Behavior[CoverageParams]):
                 else:
                     legs.append((x, y, segment.works))
         self._legs, self._next = legs, 0
+        corners = np.array([(x, y) for x, y, _ in legs] or [(pose.x, pose.y)])
+        lengths = np.hypot(*np.diff(corners, axis=0, prepend=[(pose.x, pose.y)]).T)
+        self._ahead = [*np.cumsum(lengths[::-1])[::-1].tolist(), 0.0]
 
     def _plan_rest(self, pose: Pose2D) -> bool:
         """Plan what is not covered; return False if nothing is left that can be."""
@@ -312,7 +319,8 @@ class CoverageDrive(Behavior[CoverageParams]):
         self.track.append((now, pose.x, pose.y, works))
 
     def _progress(self) -> dict[str, Any]:
-        return {"legs_left": len(self._legs) - self._next, "legs": len(self._legs), "plans": self.plans}
+        left = len(self._legs) - self._next
+        return {"legs_left": left, "legs": len(self._legs), "left_m": self._ahead[self._next], "plans": self.plans}
 
     def _done(self, now: float) -> BehaviorStep:
         report = self.report()

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import shapely
 from shapely.validation import explain_validity
 
@@ -63,16 +64,8 @@ def field_of_corners(polygons: Sequence[Any]) -> Field:
         raise InvalidCoverageRequestError(
             "polygons is empty; give the border as a list of corners (x, y), then the holes"
         )
-    first = polygons[0]
-    if len(first) and _is_number(first[0]):
-        raise InvalidCoverageRequestError("polygons is one list of numbers; give lists of corners: [[(x, y), ..]]")
-    if len(first) and not hasattr(first[0], "x") and len(first[0]) == 2 and _is_number(first[0][0]):
-        rings = list(polygons)
-    elif len(first) and hasattr(first[0], "x"):
-        rings = [[(corner.x, corner.y) for corner in ring] for ring in polygons]
-    else:
-        rings = [first] if not len(first) else list(polygons)
-    return _polygon(rings, "polygons")
+    rings = [[(c.x, c.y) if hasattr(c, "x") else c for c in ring] if _is_list(ring) else ring for ring in polygons]
+    return _polygon([[tuple(c) if _is_list(c) else c for c in r] if _is_list(r) else r for r in rings], "polygons")
 
 
 def check_field(field: Field, geometry: GridGeometry, name: str = "the polygon") -> Field:
@@ -165,8 +158,12 @@ def _ring(ring: Any, where: str) -> list[tuple[float, float]]:
     return corners
 
 
+def _is_list(value: Any) -> bool:
+    return hasattr(value, "__iter__") and not isinstance(value, (str, bytes, dict))
+
+
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
 
 
 def as_geojson(field: Field) -> dict[str, Any]:

@@ -16,9 +16,9 @@ from navstack.coverage.area import Area
 LEFT: Final = -1e12
 """Distance (cells) at which the tool was last over a cell that it has not met."""
 REASONS: Final = (
-    "left out of the plan: a pass would cover less than it repeats",
-    "planned, but the tool passed beside it",
-    "an obstacle that the map does not contain was in the way",
+    "a pass would repeat more than it covers",
+    "the tool passed beside it",
+    "an obstacle was in the way",
 )
 """Why a part stays uncovered."""
 TURN_RAD: Final = 0.35

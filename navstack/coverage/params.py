@@ -26,8 +26,8 @@ class HeadlandMode(ParamModel):
 class SwathMode(ParamModel):
     """The straight swaths (SwathMode.msg)."""
 
-    objective: Literal["LENGTH", "NUMBER", "COVERAGE"] = param(
-        "NUMBER", "what the best angle makes best; all of them are the fewest swaths here"
+    objective: Literal["NUMBER"] = param(
+        "NUMBER", "the best angle has the fewest swaths; LENGTH and COVERAGE are not built"
     )
     mode: Literal["BRUTE_FORCE", "SET_ANGLE"] = param("BRUTE_FORCE", "search for the best angle, or use best_angle")
     best_angle: float = param(0.0, "angle of the swaths with SET_ANGLE", unit="rad", ge=-100.0, le=100.0)
@@ -65,9 +65,7 @@ class PathMode(ParamModel):
     """The turns between swaths of a base with a turning radius (PathMode.msg); other bases turn in place."""
 
     mode: Literal["DUBIN", "REEDS_SHEPP"] = param("DUBIN", "curves driven forward, or backward too")
-    continuity_mode: Literal["CONTINUOUS", "DISCONTINUOUS"] = param(
-        "DISCONTINUOUS", "continuous curvature is not built: CONTINUOUS is refused"
-    )
+    continuity_mode: Literal["DISCONTINUOUS"] = param("DISCONTINUOUS", "CONTINUOUS curvature is not built")
     turn_point_distance: float = param(0.1, "distance between the points of a turn", unit="m", ge=0.01, le=10.0)
 
 

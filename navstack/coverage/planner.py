@@ -6,16 +6,17 @@ import heapq
 import math
 import time
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from itertools import pairwise
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from navstack.core import Costmap, Footprint, Pose2D, require_finite_pose
+from navstack.core import Costmap, Footprint, Pose2D, clean_frame, require_finite_pose
 from navstack.coverage._kernels import FAR, STRAIGHT, flood, is_clear, shortened, way_back
 from navstack.coverage.area import Area, make_area, nearest_free
-from navstack.coverage.errors import NothingToCoverError
+from navstack.coverage.errors import InvalidCoverageRequestError, NothingToCoverError
 from navstack.coverage.field import Field, check_field
 from navstack.coverage.measure import CoverageFigures, figures_of
 from navstack.coverage.params import CoverageParams
@@ -32,16 +33,20 @@ from navstack.coverage.swaths import (
     swaths_in,
 )
 from navstack.coverage.tour import Choice, best_tour
+from navstack.global_planner import dubins_curve, reeds_shepp_curve
 
 PIECE_WIDTHS: Final = 2.5
 """Length of the pieces in which a pass along the border is kept or left out (tool widths)."""
 LEAST_GAIN: Final = 0.35
 """A pass that alone covers less than this share of its strip is left out."""
 HEADLAND_GAIN: Final = 0.4
+"""As LEAST_GAIN, for passes along the border before there are swaths."""
 HEADLAND_LOST: Final = 0.01
-"""Share of the reachable area that may be lost by leaving passes out."""
+"""Share of the reachable area that may be lost by leaving those out."""
 BRIDGED_WIDTHS: Final = 2.0
 """Gaps of a pass along the border up to this length (tool widths) are driven through with the tool off."""
+BESIDE_WIDTHS: Final = 2.5
+"""Swaths of a cell whose ends are farther apart than this (tool widths) are not joined by a turn."""
 ENTRIES: Final = 12
 """Places at which a closed line may begin, at most."""
 COARSE_M: Final = 0.3
@@ -59,6 +64,8 @@ class Segment:
     """Whether the tool works."""
     cell: int = -1
     """Cell of a swath."""
+    curved: bool = False
+    """Whether it is a curve of the turning radius."""
 
     @property
     def length(self) -> float:
@@ -82,6 +89,11 @@ class CoveragePlan:
     def planning_time(self) -> float:
         """Time of all stages (s)."""
         return sum(self.took_s.values())
+
+    @property
+    def tight(self) -> int:
+        """Number of turns and ways that are no curve of the turning radius; 0 does not matter to a base that turns in place."""
+        return sum(not segment.works and not segment.curved for segment in self.segments)
 
     def line(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return all points (n, 2) (m), and whether the tool works from each to the next one."""
@@ -107,6 +119,10 @@ def plan_coverage(
     """
     clock = _Clock()
     require_finite_pose(start, "start")
+    if clean_frame(params.frame_id) != clean_frame(costmap.frame):
+        raise InvalidCoverageRequestError(
+            f'frame_id is "{params.frame_id}", but the costmap is in "{costmap.frame}"; give the polygon in that frame'
+        )
     if polygon is not None:
         check_field(polygon, costmap.geometry)
     area = make_area(
@@ -139,7 +155,12 @@ def plan_in(
         canvas.passes[done & area.reachable] = 1
     headland = _headland(area, params, canvas)
     clock.lap("headland")
-    swaths, angle = _swaths(area, params, canvas)
+    swaths, angle = _swaths(area, params, canvas, NARROW)
+    if _share(canvas) < params.min_coverage:  # what is narrower, too
+        more, _ = _swaths(
+            area, params, canvas, 0.0, first=1 + max((each.cell for each in swaths), default=-1), angle=angle
+        )
+        swaths += more
     clock.lap("swaths")
     passes = [*headland, *swaths]
     _leave_out(passes, canvas, LEAST_GAIN, params.min_coverage)
@@ -147,7 +168,11 @@ def plan_in(
     units = [*_lines(headland, area), *_chains(swaths, area, params)]
     if not units:
         raise NothingToCoverError("the tool reaches nothing that could be covered", reachable_m2=area.reachable_m2)
-    segments = _joined(units, area, clock)
+    segments = _joined(units, area, clock) if params.generate_route else [s for unit in units for s in unit.ways[0]]
+    if params.min_turning_radius > 0.0:
+        segments = _curved(segments, area, params)
+    if not params.generate_path or not params.generate_route:
+        segments = [segment for segment in segments if segment.works]
     plan = CoveragePlan(area, tuple(segments), _none(area), angle, clock.laps)
     points, works = plan.line()
     figures = figures_of(area, points, works)
@@ -172,8 +197,7 @@ def _headland(area: Area, params: CoverageParams, canvas: Canvas) -> list[Pass]:
         passes += [Pass("headland", piece, k, i) for i, piece in enumerate(pieces)]
     for each in passes:
         canvas.stamp(each.points, 1)
-    covered = float((canvas.passes > 0).sum()) / float(area.reachable.sum())
-    _leave_out(passes, canvas, HEADLAND_GAIN, covered - HEADLAND_LOST)
+    _leave_out(passes, canvas, HEADLAND_GAIN, _share(canvas) - HEADLAND_LOST)
     return passes
 
 
@@ -200,21 +224,33 @@ def _leave_out(passes: list[Pass], canvas: Canvas, least: float, share: float) -
             budget -= alone
 
 
-def _swaths(area: Area, params: CoverageParams, canvas: Canvas) -> tuple[list[Pass], float]:
+def _share(canvas: Canvas) -> float:
+    return float((canvas.passes > 0).sum()) / max(1.0, float(canvas.area.reachable.sum()))
+
+
+def _swaths(
+    area: Area, params: CoverageParams, canvas: Canvas, narrow: float, *, first: int = 0, angle: float | None = None
+) -> tuple[list[Pass], float]:
+    """Return swaths over what is not covered, and their angle; `narrow`: what is left out (tool widths).
+
+    `first`: index of the first cell; `angle` (rad): that of earlier swaths.
+    """
     width = area.operation_width / area.grid.resolution
     needed = area.reachable & (canvas.passes == 0)
-    radius = max(1, round(0.5 * NARROW * width))
-    y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]
-    needed = ndimage.binary_opening(needed, x * x + y * y <= radius * radius)
+    if narrow > 0.0:
+        radius = max(1, round(0.5 * narrow * width))
+        y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]
+        needed = ndimage.binary_opening(needed, x * x + y * y <= radius * radius)
     mode = params.swath_mode
     fixed = mode.mode == "SET_ANGLE"
-    angle = mode.best_angle % math.pi if fixed else best_angle(needed, width, mode.step_angle)
+    if angle is None:
+        angle = mode.best_angle % math.pi if fixed else best_angle(needed, width, mode.step_angle)
     if not needed.any():
         return [], angle
     frame = rotated(needed, area, angle)
     passes: list[Pass] = []
-    for number, cell in enumerate(cells_of(frame.mask)):
-        if sum(s.last - s.first + 1 for s in cell) < NARROW * width * width:
+    for number, cell in enumerate(cells_of(frame.mask), first):
+        if sum(s.last - s.first + 1 for s in cell) < 0.15 * width * width:
             continue
         found = [swaths_in(cell, frame, width, across=across) for across in (False, True)]
         costs = [_cost(lines) for lines in found]
@@ -341,10 +377,7 @@ def _connected(swaths: list[Pass], area: Area) -> list[list[Pass]]:
     for each in swaths:
         if chains:
             last = chains[-1][-1].points
-            a, b = each.points
-            gap = min(math.dist(last[1], b) + math.dist(last[0], a), math.dist(last[1], a) + math.dist(last[0], b))
-            beside = min(math.dist(p, q) for p in last for q in each.points) <= 2.5 * area.operation_width
-            if beside and gap < 1e9:
+            if min(math.dist(p, q) for p in last for q in each.points) <= BESIDE_WIDTHS * area.operation_width:
                 chains[-1].append(each)
                 continue
         chains.append([each])
@@ -359,6 +392,30 @@ def _with_turns(lines: list[NDArray[np.float64]], cell: int, area: Area) -> list
             segments.append(Segment("turn", way, False, cell))
         segments.append(Segment("swath", line, True, cell))
     return segments
+
+
+def _curved(segments: list[Segment], area: Area, params: CoverageParams) -> list[Segment]:
+    """Replace turns by curves of the turning radius, from heading to heading, where they are free.
+
+    A way that no free curve replaces stays as it is: `CoveragePlan.tight` counts those.
+    """
+    make = reeds_shepp_curve if params.path_mode.mode == "REEDS_SHEPP" else dubins_curve
+    found: list[Segment] = []
+    for k, segment in enumerate(segments):
+        if segment.works or k == 0 or k + 1 == len(segments):
+            found.append(segment)
+            continue
+        before, after = segments[k - 1].points[-2:], segments[k + 1].points[:2]
+        ends = [
+            Pose2D(*at.tolist(), math.atan2(b[1] - a[1], b[0] - a[0]))
+            for at, (a, b) in ((before[1], before), (after[0], after))
+        ]
+        curve = make(ends[0], ends[1], params.min_turning_radius)
+        points = curve.poses(params.path_mode.turn_point_distance)[:, :2]
+        cells = area.to_cells(points)
+        clear = all(is_clear(area.passable, *a, *b) for a, b in pairwise(cells.tolist()))
+        found.append(Segment(segment.kind, points, False, segment.cell, curved=True) if clear else segment)
+    return found
 
 
 # --- ways -------------------------------------------------------------------------------------------------------------
@@ -414,11 +471,9 @@ def _joined(units: list[Unit], area: Area, clock: _Clock) -> list[Segment]:
     """Return the segments of the units in the order of a short tour, with the ways between them."""
     ix, iy = nearest_free(area.passable, area.geometry, area.start)
     begin = np.array(area.geometry.cell_to_world(ix, iy))
-    points: list[NDArray[np.float64]] = [begin]
     sites: dict[tuple[int, int], int] = {}
     factor = max(1, round(COARSE_M / area.geometry.resolution))
     coarse = _coarse(area.passable, factor)
-    rows = np.empty(0, np.int64)
 
     def site(point: NDArray[np.float64]) -> int:
         u, v = np.rint(area.to_cells(point[None])[0]).astype(np.int64) // factor
@@ -430,7 +485,6 @@ def _joined(units: list[Unit], area: Area, clock: _Clock) -> list[Segment]:
         lengths = [sum(s.length for s in way) for way in unit.ways]
         ends = [unit.ends(k) for k in range(len(unit.ways))]
         choices.append([Choice(site(a), site(b), length) for (a, b), length in zip(ends, lengths)])
-    del points, rows
     ways = _Ways(coarse)
     cells = np.array([v * coarse.shape[1] + u for u, v in sites])
     distances = np.empty((len(cells), len(cells)))
@@ -457,8 +511,3 @@ def _coarse(free: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
     ny, nx = free.shape
     padded = np.pad(free, ((0, -ny % factor), (0, -nx % factor)))
     return padded.reshape(padded.shape[0] // factor, factor, -1, factor).any(axis=(1, 3))
-
-
-def summary(plan: CoveragePlan) -> dict[str, Any]:
-    """Return the figures of a plan as JSON data."""
-    return {**plan.figures.as_dict(), "swath_angle": plan.swath_angle, "planning_time": plan.planning_time}
