@@ -205,6 +205,11 @@ EXPLAIN_COMMANDS: Final = {
         "tracking",
         "Explain how well a trajectory was followed: errors along, across and of the heading, mean and worst, over time.",
     ),
+    "coverage": LazyCommand(
+        "explain.coverage",
+        "coverage",
+        "Explain which parts of a coverage task stayed uncovered and why, with the figures of the plan and of the drive.",
+    ),
     "passages": LazyCommand(
         "explain.passages",
         "passages",

@@ -134,7 +134,9 @@ def make_area(
     passable = ~near(obstacles if holes is None else obstacles | holes, radius)
     if avoid is not None:
         passable &= ~avoid
-    free = passable if outside is None else passable & ~near(obstacles | outside, radius)
+    free = passable
+    if outside is not None:  # no sensor sees the border of a polygon, so no clearance from it
+        free = passable & ~near(outside, reach_of(footprint, g.resolution, 0.0) / g.resolution)
     if not passable.any():
         raise _fits_nowhere(footprint, "on this map", "check robot_radius or footprint, and the thresholds of the map")
     cell = nearest_free(passable, g, start)

@@ -31,6 +31,8 @@ MOST_PLANS: Final = 60
 """Plans of one drive, at most."""
 SAME_CELLS: Final = 2
 """An obstacle within so many cells of a known one is that one."""
+UNSEEN_M: Final = 0.15
+"""An obstacle that the map does not contain is grown by this (m): the robot sees its front, but drives along its sides."""
 AGAIN_M: Final = 0.15
 """Two stops this near to each other are at the same obstacle (m)."""
 SHORTEST_LEG_M: Final = 0.03
@@ -286,7 +288,10 @@ class CoverageDrive(Behavior[CoverageParams]):
             lethal[iy[inside], ix[inside]] = True
         walls = ndimage.binary_dilation(known.data == LETHAL, np.ones((3, 3), np.bool_), iterations=SAME_CELLS)
         data = known.data.copy()
-        data[lethal & ~walls] = LETHAL
+        seen = lethal & ~walls
+        if seen.any():
+            away = ndimage.distance_transform_edt(~seen) * known.geometry.resolution
+            data[away <= UNSEEN_M] = LETHAL
         return Costmap(known.geometry, data, known.frame)
 
     def _local_to_map(self, context: BehaviorContext) -> Transform2D:

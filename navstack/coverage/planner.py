@@ -39,10 +39,8 @@ PIECE_WIDTHS: Final = 2.5
 """Length of the pieces in which a pass along the border is kept or left out (tool widths)."""
 LEAST_GAIN: Final = 0.35
 """A pass that alone covers less than this share of its strip is left out."""
-HEADLAND_GAIN: Final = 0.4
-"""As LEAST_GAIN, for passes along the border before there are swaths."""
 HEADLAND_LOST: Final = 0.01
-"""Share of the reachable area that may be lost by leaving those out."""
+"""Share of the reachable area that may be lost by leaving out passes along the border, before there are swaths."""
 BRIDGED_WIDTHS: Final = 2.0
 """Gaps of a pass along the border up to this length (tool widths) are driven through with the tool off."""
 BESIDE_WIDTHS: Final = 2.5
@@ -197,7 +195,7 @@ def _headland(area: Area, params: CoverageParams, canvas: Canvas) -> list[Pass]:
         passes += [Pass("headland", piece, k, i) for i, piece in enumerate(pieces)]
     for each in passes:
         canvas.stamp(each.points, 1)
-    _leave_out(passes, canvas, HEADLAND_GAIN, _share(canvas) - HEADLAND_LOST)
+    _leave_out(passes, canvas, LEAST_GAIN, _share(canvas) - HEADLAND_LOST)
     return passes
 
 

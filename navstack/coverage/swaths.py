@@ -7,6 +7,7 @@ decomposition, 2000): a line sweeps the area, and a new cell begins where the nu
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -29,9 +30,11 @@ SPARE: Final = 0.2
 """Tool widths that may stay uncovered between the swaths of a cell: one less is driven for less than that."""
 COARSE_RAD: Final = 0.1
 """Step of the first search for the best angle (rad)."""
+CLOSE: Final = 1.05
+"""Angles with up to so many times the fewest stretches are compared exactly."""
 LINE_SHARE: Final = 0.3
 """Distance of the lines that are counted for it (distances of swaths): closer ones depend less on where they are."""
-MAIN_SHARE: Final = 0.5
+MAIN_SHARE: Final = 0.3
 """A cell goes on past a branch if this share of its stretch does: a notch or a niche at its side is no reason for a new one."""
 NARROW: Final = 0.25
 """What is narrower than this (tool widths) gets no swath of its own."""
@@ -115,15 +118,19 @@ def best_angle(needed: NDArray[np.bool_], spacing: float, step: float) -> float:
     angles = np.arange(0.0, math.pi - 1e-9, step)
     stride = max(1, round(COARSE_RAD / step))
     counts: dict[int, int] = {}
-    chosen = np.arange(0, len(angles), stride)
-    for candidates in (chosen, None):
-        if candidates is None:
-            best = min(counts, key=lambda k: (counts[k], k))
-            candidates = np.arange(best - stride + 1, best + stride) % len(angles)
-        for k in candidates.tolist():
+
+    def count(candidates: Iterable[int]) -> None:
+        for k in candidates:
             if k not in counts:
                 counts[k] = int(rows_across(needed, float(angles[k]), LINE_SHARE * spacing))
-    return float(angles[min(counts, key=lambda k: (counts[k], k))])
+
+    count(range(0, len(angles), stride))
+    best = min(counts, key=lambda k: (counts[k], k))
+    count(k % len(angles) for k in range(best - stride + 1, best + stride))
+    # close ones are counted again on every line, where chance matters less
+    close = [k for k, number in counts.items() if number <= CLOSE * min(counts.values())]
+    exact = {k: int(rows_across(needed, float(angles[k]), 1.0)) for k in close}
+    return float(angles[min(exact, key=lambda k: (exact[k], k))])
 
 
 class Stretch(NamedTuple):

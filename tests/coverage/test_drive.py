@@ -10,8 +10,9 @@ import pytest
 from navstack.bringup import BasicNavigator, TaskResult
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.coverage import CoverageDrive
+from navstack.explain import explain_coverage
 from navstack.parameters import load_configuration
-from navstack.scenario import RunResult, Scenario, load_scenario, run_scenario, scenario_text
+from navstack.scenario import RunResult, Scenario, load_scenario, run_scenario, write_scenario
 from navstack.scenario.run import Run
 from navstack.scenario.steps import read_step
 
@@ -80,7 +81,7 @@ def test_an_obstacle_on_a_swath_is_driven_around_and_its_place_is_left() -> None
     assert area is not None
     hidden = sum(part["area_m2"] for part in left)
     reachable = area.reachable_m2 - hidden
-    assert report["driven"]["covered_m2"] >= 0.93 * reachable
+    assert report["driven"]["covered_m2"] >= 0.9 * reachable
     assert outcome.figures["left"] == report["left"]
     assert "left" in outcome.text
 
@@ -91,7 +92,12 @@ def test_a_run_with_coverage_is_reproducible_and_its_record_complete() -> None:
         run_scenario(scenario_of(cover=[[0.2, 0.2], [1.8, 0.2], [1.8, 1.6], [0.2, 1.6]])) for _ in (0, 1)
     ]
     first, second = (result.recorder.record() for result in results if result.recorder is not None)
-    assert np.array_equal(first.track["pose"] if "pose" in first.track.dtype.names else first.track, second.track)
+    assert np.array_equal(first.samples, second.samples)
+    assert [event.data for event in first.events] == [event.data for event in second.events]
+    report = explain_coverage(first)[0]
+    assert report.driven["share"] > 0.95
+    assert report.segments >= 3
+    assert sum(report.reasons().values()) == pytest.approx(sum(part["area_m2"] for part in report.left))
     restored = Scenario.from_record(first)
     assert restored.steps == scenario_of(cover=[[0.2, 0.2], [1.8, 0.2], [1.8, 1.6], [0.2, 1.6]]).steps
 
@@ -105,7 +111,7 @@ def test_a_scenario_file_has_the_step(tmp_path: Any) -> None:
     )
     scenario = load_scenario(file)
     assert len(scenario.steps) == 1
-    assert "operation_width: 0.3" in scenario_text(scenario)
+    assert write_scenario(scenario, tmp_path / "again.yaml").steps == scenario.steps
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text(file.read_text(encoding="utf-8").replace("operation_width", "operation_with"), encoding="utf-8")
     with pytest.raises(Exception, match=r'wrong.yaml:5:\d+.*step 1: coverage has no field "operation_with"'):
@@ -120,7 +126,7 @@ def test_a_car_is_refused() -> None:
         goals=(),
         steps=(read_step({"cover": "all"}),),
     )
-    with pytest.raises(Exception, match="a base with a turning radius of .* cannot turn in place"):
+    with pytest.raises(Exception, match=r"a base with a turning radius of .* cannot turn in place"):
         Run(scenario)
 
 
