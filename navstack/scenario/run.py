@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.behaviors import motion_of
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
 from navstack.core import (
     InputError,
@@ -44,7 +43,7 @@ from navstack.scenario.interventions import Interventions
 from navstack.scenario.low_battery import LowBattery
 from navstack.scenario.outcome import GoalOutcome, RunMeasurements, RunResult, WarningCollector, advice_for
 from navstack.scenario.scenario import Scenario
-from navstack.scenario.steps import DockStep, Step, UndockStep
+from navstack.scenario.steps import DockStep, Step, UndockStep, motion_of
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import SimulatedRobot, wheel_drive
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -10,8 +11,10 @@ from pydantic import ValidationError, field_validator
 
 from navstack import behaviors
 from navstack.behaviors import InvalidMotionError
-from navstack.core import Pose2D, short_repr
-from navstack.plugins import ParamModel, param
+from navstack.core import Pose2D, WheelDrive, short_repr
+from navstack.coverage import CoverStep, cover_step_data, read_cover_step
+from navstack.parameters import MotionParams
+from navstack.plugins import Behavior, ParamModel, param
 
 
 class DockStep(ParamModel):
@@ -36,9 +39,9 @@ class UndockStep(ParamModel):
         return "" if value is True or value is None else value
 
 
-Step = behaviors.Step | DockStep | UndockStep
-_TASKS: Final[dict[str, type[ParamModel]]] = {"dock": DockStep, "undock": UndockStep}
-EXAMPLES: Final = f"{behaviors.EXAMPLES}, {{dock: NAME}}, {{undock: true}}"
+Step = behaviors.Step | DockStep | UndockStep | CoverStep
+_TASKS: Final[dict[str, type[ParamModel]]] = {"dock": DockStep, "undock": UndockStep, "cover": CoverStep}
+EXAMPLES: Final = f"{behaviors.EXAMPLES}, {{dock: NAME}}, {{undock: true}}, {{cover: all}}"
 
 
 def is_step(keys: Any) -> bool:
@@ -56,6 +59,8 @@ def read_step(
     if len(kinds) > 1 or behaviors.is_step(values):
         raise InvalidMotionError(f"{short_repr(dict(values))} is not one step; steps are {EXAMPLES}")
     kind = kinds[0]
+    if kind == "cover":
+        return read_cover_step(values, folder=folder)
     try:
         step: Any = _TASKS[kind].model_validate(dict(values))
     except ValidationError as exc:
@@ -73,11 +78,29 @@ def step_data(step: Step) -> dict[str, Any]:
         return {**step.model_dump(mode="json", exclude_defaults=True), "undock": step.undock or True}
     if isinstance(step, DockStep):
         return step.model_dump(mode="json", exclude_defaults=True)
-    return behaviors.step_data(step)
+    return cover_step_data(step) if isinstance(step, CoverStep) else behaviors.step_data(step)
 
 
 def step_text(step: Step) -> str:
     """Return a step in a few words."""
     if isinstance(step, DockStep):
         return f"dock at {step.dock}"
+    if isinstance(step, CoverStep):
+        return step.text
     return "undock" if isinstance(step, UndockStep) else behaviors.step_text(step)
+
+
+def motion_of(
+    step: behaviors.Step | CoverStep,
+    params: MotionParams,
+    *,
+    turning_radius: float = 0.0,
+    drive: WheelDrive | None = None,
+    max_wheel_speed: float = math.inf,
+) -> Behavior:
+    """Return the motion of a step, see `navstack.behaviors.motion_of`. Raises InputError for one that the base cannot do."""
+    if isinstance(step, CoverStep):
+        return step.motion(params, turning_radius=turning_radius)
+    return behaviors.motion_of(
+        step, params, turning_radius=turning_radius, drive=drive, max_wheel_speed=max_wheel_speed
+    )
