@@ -118,6 +118,8 @@ class Configuration:
     """amcl and the odometry filter."""
     nav2_ids: Mapping[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
     """Files of Nav2: id of a plugin -> its namespace here: FollowPath -> DWBLocalPlanner."""
+    nav2_distro: str = field(default="", compare=False)
+    """Files of Nav2: their distribution."""
 
     @property
     def planner_names(self) -> tuple[str, ...]:
