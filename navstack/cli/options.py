@@ -147,7 +147,7 @@ AllowMissing = Annotated[
     typer.Option(
         "--allow-missing",
         "--substitute",
-        help="Skip layers and plugins that are not installed; for a controller or planner of Nav2, another stands in.",
+        help="Skip layers and plugins that are not installed; for a controller or planner (TEB, SBPL, ..), another stands in.",
     ),
 ]
 

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from navstack.core.clearance import clearance_along as clearance_along
     from navstack.core.clearance import lethal_cells_along as lethal_cells_along
     from navstack.core.collision import footprint_cost as footprint_cost
+    from navstack.core.collision import nearest_lethal as nearest_lethal
     from navstack.core.collision import overlaps_obstacle as overlaps_obstacle
+    from navstack.core.collision import touches_lethal as touches_lethal
     from navstack.core.collision import turn_cost as turn_cost
     from navstack.core.compilation import compile_ahead as compile_ahead
     from navstack.core.compilation import import_all_kernels as import_all_kernels

@@ -7,6 +7,11 @@ lines of cells from corner to corner, which miss cells that the footprint overla
 from __future__ import annotations
 
 import math
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from navstack.core import footprint_kernels as kernels
 from navstack.core.costs import LETHAL
@@ -99,3 +104,32 @@ def turn_cost(
 
 def _known(cost: int) -> int | None:
     return None if cost == kernels.OUTSIDE else cost
+
+
+TOUCHED_CELLS: Final = 1.5
+"""A lethal cell at most this far from the footprint (cells) is a mark of the obstacle that it touches."""
+
+
+def nearest_lethal(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> tuple[float, tuple[float, float]] | None:
+    """Return the distance (m) from the footprint at `pose` to the nearest lethal cell, and the cell's center; None without one.
+
+    Pose and center are in the costmap's frame.
+    """
+    g = costmap.geometry
+    iy, ix = np.nonzero(costmap.data == LETHAL)
+    if not len(ix):
+        return None
+    # the footprint is in the base frame
+    x, y = g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    ahead, left = x - pose.x, y - pose.y
+    cells = shapely.points(np.column_stack((c * ahead + s * left, c * left - s * ahead)))
+    distances: NDArray[np.float64] = np.asarray(shapely.distance(footprint.polygon, cells))
+    nearest = int(distances.argmin())
+    return float(distances[nearest]), (float(x[nearest]), float(y[nearest]))
+
+
+def touches_lethal(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> bool:
+    """Return True if the footprint at `pose` (costmap's frame) touches an obstacle that the costmap has."""
+    found = nearest_lethal(costmap, footprint, pose)
+    return found is not None and found[0] <= TOUCHED_CELLS * costmap.geometry.resolution

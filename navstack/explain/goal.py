@@ -9,16 +9,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, Costmap, Event, InputError, Pose2D, RecordError, angle_between
+from navstack.core import Costmap, Event, InputError, Pose2D, RecordError, angle_between, nearest_lethal, touches_lethal
 from navstack.explain.docking import dockings_of
 from navstack.move_base import GoalTimeLimitError
 from navstack.record import STALL_S, Record, Stall, believed_poses, find_stalls
 
-MARKED_CELLS: Final = 1.5
-"""An obstacle that touches the footprint is marked at most this many cells from it, center to edge."""
 TERMINAL = ("PREEMPTED", "SUCCEEDED", "ABORTED", "REJECTED", "RECALLED")
 """Terminal states of a goal in actionlib."""
 
@@ -780,24 +777,17 @@ def collision_text(record: Record, t: float, pose: Pose2D) -> str:
     costmap = record.costmap_at("local", t)
     if costmap is None:
         return text
-    g = costmap.geometry
-    iy, ix = np.nonzero(costmap.data == LETHAL)
-    found = np.array([g.cell_to_world(i, j) for i, j in zip(ix.tolist(), iy.tolist(), strict=True)], np.float64)
-    centers = record.to_global(record.costmap_frame("local"), t).apply_points(found.reshape(-1, 2))
-    # the footprint is in the base frame
-    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    ahead, left = centers[:, 0] - pose.x, centers[:, 1] - pose.y
-    cells = shapely.points(np.column_stack((c * ahead + s * left, c * left - s * ahead)))
-    distances: NDArray[np.float64] = np.asarray(shapely.distance(record.footprint.polygon, cells))
-    if not len(distances):
+    to_map = record.to_global(record.costmap_frame("local"), t)
+    at = to_map.inverse().apply(pose)
+    found = nearest_lethal(costmap, record.footprint, at)
+    if found is None:
         return f"{text} with an obstacle that the local costmap did not have; it had none"
-    nearest = int(distances.argmin())
-    x, y = centers[nearest].tolist()
-    if distances[nearest] <= MARKED_CELLS * g.resolution:
+    distance, (x, y) = found[0], to_map.apply(Pose2D(*found[1]))[:2]
+    if touches_lethal(costmap, record.footprint, at):
         return f"{text} with an obstacle that the local costmap had, marked at ({x:.2f}, {y:.2f})"
     return (
         f"{text} with an obstacle that the local costmap did not have; the nearest one that it had, at ({x:.2f}, {y:.2f}), is "
-        f"{distances[nearest]:.2f} m from the footprint"
+        f"{distance:.2f} m from the footprint"
     )
 
 

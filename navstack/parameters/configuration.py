@@ -34,6 +34,7 @@ from navstack.parameters.rules import check_rules
 from navstack.parameters.simulated_robot import simulated
 from navstack.parameters.sources import Override, Source, read_sources, to_node
 from navstack.parameters.spelling import nearest
+from navstack.parameters.stand_in import stand_in
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
 from navstack.parameters.unused import meant_sections, unused_parameters, with_consequences
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
@@ -326,6 +327,8 @@ class Loader:
     def _load(self) -> Configuration | None:
         if not self.root.children and not self.complete:
             return None  # nothing was loaded: further findings would be consequences
+        if self.plugins.allow_missing and self.translation is None:
+            self.findings += stand_in(self.root)
         if self.translation is not None:
             self._check_unused_of_nav2()
             if any(self.root.leaf(key) is None for key in ("base_local_planner", "base_global_planner")):
@@ -362,6 +365,7 @@ class Loader:
                 tree=self.root,
                 origins=self.binder.origins,
                 nav2_ids=self.translation.ids if self.translation is not None else {},
+                nav2_distro=self.translation.distro if self.translation is not None else "",
             )
             sim = simulated(configuration, self._described)
             if self._lidar_file:

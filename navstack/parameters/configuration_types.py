@@ -123,6 +123,8 @@ class Configuration:
     """The section `docking_server`; None if it is not written."""
     nav2_ids: Mapping[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
     """Files of Nav2: id of a plugin -> its namespace here: FollowPath -> DWBLocalPlanner."""
+    nav2_distro: str = field(default="", compare=False)
+    """Files of Nav2: their distribution."""
 
     @property
     def planner_names(self) -> tuple[str, ...]:

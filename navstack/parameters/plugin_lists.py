@@ -90,6 +90,8 @@ class PluginLists:
         if plugin.name == plugin.key:  # a planner cannot be left out
             elsewhere = f" here or with --set {plugin.key}=.." if plugin.at.line else ""  # not of the command line
             message = f"{problem}; {hint}known: {known}; choose one of them{elsewhere}"
+            if foreign and plugin.key != "base_smoother":
+                message += ", or let another one stand in with its limits: --allow-missing"
         elif self.allow_missing:
             severity = "warning"
             message = f"{problem}, so {plugin.name} is left out; {hint}known: {known}"

@@ -13,7 +13,7 @@ import numpy as np
 
 from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.lidar_description import DescribedLidar
-from navstack.parameters.models.sim import BumperParams, LidarParams, SimParams
+from navstack.parameters.models.sim import BodyParams, BumperParams, LidarParams, SimParams
 from navstack.plugins import CostmapSetup, Problem, SensorSource, rule
 
 FIRST = "laser"
@@ -161,6 +161,22 @@ def follow_planner(sim: SimParams, params: Any) -> SimParams:
     return sim.model_copy(update={"kinematics": "holonomic"})
 
 
+def follow_accelerations(sim: SimParams, params: Any) -> SimParams:
+    """Return the simulated robot with the accelerations that the trajectories of TrajectoryPlannerROS have.
+
+    It commands a velocity at once and checks trajectories on which the base reaches it with `acc_lim_*`: a base without limits
+    leaves them. Other planners command what can be reached within a period. What `navstack: sim:` says about the base is kept.
+    An assumed value is none that is set.
+    """
+    if not hasattr(params, "y_vels") or sim.model_fields_set.intersection(BodyParams.model_fields):
+        return sim
+    found = {name: float(getattr(params, name)) for name in ("acc_lim_x", "acc_lim_y", "acc_lim_theta")}
+    assumed = {name: value for name, value in found.items() if value > 0.0}
+    made = sim.model_copy(update=assumed)
+    made.model_fields_set.difference_update(assumed)
+    return made
+
+
 def simulated(configuration: Configuration, described: Callable[[], Sequence[DescribedLidar]] = tuple) -> SimParams:
     """Return the simulated robot that follows the observation sources and the local planner of a configuration.
 
@@ -169,7 +185,8 @@ def simulated(configuration: Configuration, described: Callable[[], Sequence[Des
     costmaps = configuration.costmaps
     sources = list(sources_of(costmaps).values())
     sim = follow_sources(configuration.navstack.sim, sources, costmaps[1].robot_base_frame, described)
-    return follow_planner(sim, configuration.local_planner.params)
+    planner = configuration.local_planner.params
+    return follow_planner(follow_accelerations(sim, planner), planner)
 
 
 def frames_of(configuration: Configuration) -> frozenset[str]:
@@ -259,6 +276,26 @@ def assumed_lidar(configuration: Configuration) -> Iterator[Problem]:
             f"those of the real one: `navstack: {{sim: {{{name}: {{fov: .., range_max: ..}}}}}}`"
         )
         yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)
+
+
+@rule("assumed-base", "info")
+def assumed_base(configuration: Configuration) -> Iterator[Problem]:
+    """TrajectoryPlannerROS commands a velocity at once and checks trajectories that reach it with `acc_lim_*`. A simulated
+    base that `navstack: sim:` does not describe accelerates and brakes with them.
+
+    Fix: write the limits of the real base: `navstack: {sim: {acc_lim_x: 2.5, acc_lim_theta: 3.2}}`.
+    """
+    sim, namespace = configuration.navstack.sim, configuration.local_planner.namespace
+    values = {name: getattr(sim, name) for name in ("acc_lim_x", "acc_lim_theta") if name not in sim.model_fields_set}
+    known = {name: value for name, value in values.items() if value is not None}
+    if not known:
+        return
+    limits = ", ".join(f"{name} = {value:g}" for name, value in known.items())
+    message = (
+        f"the simulated base is assumed to accelerate as the trajectories of {namespace} do ({limits}); set those of the real "
+        f"one: `navstack: {{sim: {{acc_lim_x: .., acc_lim_theta: ..}}}}`"
+    )
+    yield Problem((*(f"/{namespace}/{name}" for name in known), "/base_local_planner"), message)
 
 
 def _seen_sources(configuration: Configuration) -> dict[str, SensorSource]:

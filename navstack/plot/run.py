@@ -190,8 +190,11 @@ def headline(record: Record) -> str:
 def circumstances(record: Record) -> str:
     """Return map, parameters, planner and seed of a run in one line, as far as the scenario has them."""
     parts: list[str] = []
+    given = dict(record.scenario)
+    if given.get("nav2_distro"):
+        given["ros_distro"] = f"Nav2 {given['nav2_distro']}"
     for key in ("map", "params", "robot", "planner", "distro", "ros_distro", "seed"):
-        value = record.scenario.get(key)
+        value = given.get(key)
         values = value if isinstance(value, list) else [value]
         if value in (None, "", []) or not all(isinstance(v, (str, int, float)) for v in values):
             continue

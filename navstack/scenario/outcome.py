@@ -94,6 +94,8 @@ EXPLAIN_COLLISIONS: Final = frozenset(
     }
 )
 """Rules whose finding explains collisions: the robot sees other things than the real one, nothing, or too late."""
+_SENSORS: Final = frozenset({"assumed-lidar", "nothing-feeds", "simulated-robot-blind", "blind", "clearing-only"})
+"""Those of them that explain no collision with an obstacle that the local costmap had."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,20 +148,29 @@ def failure_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
     return _findings_of(EXPLAIN_FAILURES, [f for f in findings if f.severity == "warning"])
 
 
-def collision_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
-    """Return the findings that may explain contacts, with file and line."""
-    return _findings_of(EXPLAIN_COLLISIONS, findings)
+def collision_advice(findings: Sequence[Finding], *, seen: bool = False) -> tuple[str, ...]:
+    """Return the findings that may explain contacts, with file and line; `seen`: with obstacles that the costmap had."""
+    return _findings_of(EXPLAIN_COLLISIONS - _SENSORS if seen else EXPLAIN_COLLISIONS, findings)
 
 
-def advice_for(metrics: RunMetrics, findings: Sequence[Finding], collisions: int = 0) -> tuple[str, ...]:
+def advice_for(
+    metrics: RunMetrics, findings: Sequence[Finding], collisions: int = 0, marked: Sequence[float] = ()
+) -> tuple[str, ...]:
     """Return what may explain a run that missed goals, collided, or turned in place for long; none for other runs.
 
     These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose, and so do
-    recovery behaviors: their time is subtracted.
+    recovery behaviors: their time is subtracted. `marked`: times (s) of the collisions with obstacles that the local costmap had;
+    no sensor is their cause.
     """
     turned = metrics.turning_s - metrics.state_s.get("CLEARING", 0.0)
     turning = turned > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
-    advice = list(collision_advice(findings)) if collisions else []
+    advice = list(collision_advice(findings, seen=len(marked) == collisions)) if collisions else []
+    if marked:
+        which = "the collision" if collisions == 1 else f"{len(marked)} of {collisions} collisions"
+        advice.append(
+            f"the local costmap had the obstacle of {which}, so no sensor is the cause: the base does not drive what the "
+            f"controller checks; navstack explain command RUN --time {max(0.0, marked[0] - 0.5):.1f} shows the command before it"
+        )
     if metrics.succeeded < metrics.goals or turning:
         advice += failure_advice(findings)
     if turning:
@@ -171,7 +182,7 @@ def advice_for(metrics: RunMetrics, findings: Sequence[Finding], collisions: int
 
 
 def _findings_of(rules: Collection[str], findings: Sequence[Finding]) -> tuple[str, ...]:
-    return tuple(f"{f.location}: {f.message}" for f in findings if f.rule in rules)
+    return tuple(f"{f.location}: {f.message}" if f.line else f.message for f in findings if f.rule in rules)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -21,6 +21,7 @@ from navstack.core import (
     Pose2D,
     Transform2D,
     normalize_angle,
+    touches_lethal,
     working_time,
 )
 from navstack.docking import DockDatabase, Docking, DockTask, Undocking
@@ -54,13 +55,26 @@ def advice_of(record: Record) -> tuple[str, ...]:
         findings = Scenario.from_record(record).configuration.findings
     except NavError:  # a log, or parameters of another version
         findings = ()
-    return advice_for(metrics_of(record), findings, len(record.collisions))
+    return advice_for(metrics_of(record), findings, len(record.collisions), marked_collisions(record))
+
+
+def marked_collisions(record: Record) -> list[float]:
+    """Return the times (s) of the collisions with obstacles that the local costmap had."""
+    found: list[float] = []
+    for t, pose in zip(record.collision_times.tolist(), record.collisions.tolist(), strict=True):
+        costmap = record.costmap_at("local", t)
+        if costmap is None:
+            continue
+        to_map = record.to_global(record.costmap_frame("local"), t)
+        if touches_lethal(costmap, record.footprint, to_map.inverse().apply(Pose2D(*pose))):
+            found.append(t)
+    return found
 
 
 def advice_for_goal(record: Record, findings: Sequence[Finding], *, failed: bool) -> tuple[str, ...]:
     """Return what may explain one goal of a record, with the findings about the parameters in force; see `advice_for`."""
     metrics = replace(metrics_of(record), goals=1, succeeded=int(not failed))
-    return advice_for(metrics, findings, len(record.collisions))
+    return advice_for(metrics, findings, len(record.collisions), marked_collisions(record))
 
 
 def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:
@@ -205,6 +219,9 @@ class Run:
         if scenario.low_battery is not None:
             self._check_charger(scenario.low_battery)
         self._goes_on_until = -math.inf
+        self._collisions_noted = 0
+        self._marked_times: list[float] = []
+        """Times of the collisions with obstacles that the local costmap had (s)."""
         self._unrecorded: deque[SentGoal] = deque()
         self._idle_cycles = 0
         self.done = False
@@ -245,6 +262,7 @@ class Run:
             due = min(due, robot.time + DRIVING_S)
         before = robot.time
         robot.advance_to(min(due, move_base.next_due(before)))
+        self._note_marks()
         move_base.tick(robot.time)
         goals.advance_tasks(move_base)
         if self.timings is not None:
@@ -264,6 +282,18 @@ class Run:
             record_tick(self.recorder, robot, move_base, self.goal_index, names)
         goals.end_expired_motion(move_base)
         return True
+
+    def _note_marks(self) -> None:
+        """Notes which of the new collisions are with obstacles that the controller's costmap had."""
+        robot = self.robot
+        if len(robot.collisions) == self._collisions_noted:
+            return
+        costmap = self.move_base.recovery_context.local_costmap
+        from_map = robot.frames.lookup(costmap.frame, robot.map_frame)
+        for collision in robot.collisions[self._collisions_noted :]:
+            if touches_lethal(costmap.master, robot.footprint, from_map.apply(collision.pose)):
+                self._marked_times.append(collision.time)
+        self._collisions_noted = len(robot.collisions)
 
     @property
     def is_paused(self) -> bool:
@@ -341,7 +371,9 @@ class Run:
             timings=self.timings,
             min_clearance_m=self._measurements.min_clearance(),
             warnings=self._warnings.warnings(),
-            advice=advice_for(metrics, self.scenario.configuration.findings, len(self.robot.collisions)),
+            advice=advice_for(
+                metrics, self.scenario.configuration.findings, len(self.robot.collisions), self._marked_times
+            ),
         )
 
     def metrics(self) -> RunMetrics:

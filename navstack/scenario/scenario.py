@@ -122,6 +122,7 @@ class Scenario:
         omitted = {f.name for f in fields(self) if f.name in _OMITTED and getattr(self, f.name) == f.default}
         return {
             **self.names,
+            **({"nav2_distro": self.configuration.nav2_distro} if self.configuration.nav2_distro else {}),
             "ros_distro": self.configuration.navstack.ros_distro,
             **{k: list(v) if isinstance(v, tuple) else v for k, v in written.items() if k not in omitted},
             "navstack": __version__,

@@ -789,6 +789,32 @@ def test_an_unknown_planner_cannot_be_left_out() -> None:
     assert error.suggestion is None  # a planner that exists elsewhere is not a misspelt one
 
 
+def test_a_planner_that_exists_elsewhere_can_be_replaced_with_its_limits() -> None:
+    car = {"max_vel_x": 0.4, "max_vel_x_backwards": 0.2, "acc_lim_x": 0.5, "min_turning_radius": 0.8, "wheelbase": 0.4}
+    teb = robot(
+        base_local_planner="teb_local_planner/TebLocalPlannerROS",
+        base_global_planner="SBPLLatticePlanner",
+        TebLocalPlannerROS={**car, "yaw_goal_tolerance": 0.1, "weight_obstacle": 50.0},
+        controller_frequency=10.0,
+    )
+    assert all("--allow-missing" in f.message for f in check(teb) if f.severity == "error")
+    loaded = load_configuration([teb], allow_missing=True)
+    replaced = [f for f in loaded.findings if f.rule == "substituted-planner"]
+    assert [f.key for f in replaced] == ["base_global_planner", "base_local_planner"]
+    params: Any = loaded.local_planner.params
+    assert (params.vx_max, params.vx_min, params.ax_max, params.ax_min) == (0.4, -0.2, 0.5, -0.5)
+    assert (params.turning_radius, params.model_dt, params.time_steps) == (0.8, 0.1, 28)
+    assert loaded.navstack.sim.kinematics == "ackermann"
+    assert loaded.navstack.sim.turning_radius == pytest.approx(0.8)
+    assert loaded.turning_radius == pytest.approx(0.8)
+    assert load_configuration([loaded.tree.as_dict()]).local_planner == loaded.local_planner
+    # a base that moves sideways, and a planner without parameters
+    omni = teb | {"TebLocalPlannerROS": {"max_vel_y": 0.3}, "goal_checker": {"plugin": "simple"}}
+    assert load_configuration([omni], allow_missing=True).navstack.sim.kinematics == "holonomic"
+    bare = {key: value for key, value in teb.items() if key != "TebLocalPlannerROS"}
+    assert load_configuration([bare], allow_missing=True).navstack.sim.kinematics == "differential"
+
+
 def test_unknown_critics_and_recoveries_can_be_left_out() -> None:
     critics = [{"name": "near", "type": "path"}, {"name": "far", "type": "mine"}]
     loaded = load_configuration([robot(DWAPlannerROS={"critics": critics})], allow_missing=True)

@@ -46,6 +46,21 @@ def test_a_lidar_that_no_file_describes_is_assumed_wide_and_said_once() -> None:
     assert lidars(load_configuration(["turtlebot"]))["laser"].fov == 1.0
 
 
+def test_a_base_that_nothing_describes_accelerates_as_the_trajectories_of_its_planner() -> None:
+    rollout = {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"}
+    rollout |= {"TrajectoryPlannerROS": {"acc_lim_x": 1.25, "acc_lim_th": 1.6, "acc_lim_y": 0.0}}
+    loaded = load_configuration([robot({"scan": "LaserScan"}, **rollout)])
+    sim = loaded.navstack.sim
+    assert (sim.acc_lim_x, sim.acc_lim_y, sim.acc_lim_theta) == (1.25, None, 1.6)
+    [found] = [f for f in loaded.findings if f.rule == "assumed-base"]
+    assert "acc_lim_x = 1.25, acc_lim_theta = 1.6" in found.message
+    # what says something about the base is kept; DWA commands what can be reached within a period
+    for more in ({"navstack": {"sim": {"kinematics": "differential"}}, **rollout}, {}):
+        other = load_configuration([robot({"scan": "LaserScan"}, **more)])
+        assert other.navstack.sim.acc_lim_x is None
+        assert not [f for f in other.findings if f.rule == "assumed-base"]
+
+
 def test_a_cloud_is_simulated_from_the_same_rays() -> None:
     loaded = load_configuration([robot({"scan": "LaserScan", "camera/points": "PointCloud2"})])
     scan, cloud = lidars(loaded).values()

@@ -17,7 +17,7 @@ from navstack.core import InputError, Pose2D, Twist2D
 from navstack.map_io import map_names, map_path
 from navstack.parameters import Finding, load_configuration
 from navstack.record import Record
-from navstack.scenario import Run, Scenario, drive_tour, run_scenario
+from navstack.scenario import Run, Scenario, advice_of, drive_tour, run_scenario
 from navstack.scenario.outcome import MUCH_TURNING, MUCH_TURNING_S, advice_for
 from navstack.scenario.places import load_places, visit_order
 from navstack.scenario.tour import TourState
@@ -258,3 +258,40 @@ def test_long_turns_in_place_are_a_possible_cause_even_if_every_goal_was_reached
     late = Finding("warning", "updates-too-slow", "a.yaml", 3, 1, "local_costmap/update_frequency", "too low")
     assert advice_for(metrics, (late,)) == ()
     assert advice_for(metrics, (late,), collisions=1) == ("a.yaml:3:1: too low",)
+
+
+def test_no_sensor_explains_a_collision_with_what_the_local_costmap_had() -> None:
+    scenario = scenario_of(NEAR)
+    metrics = run_scenario(scenario).metrics
+    sensor = Finding("info", "assumed-lidar", "a.yaml", 4, 1, "local_costmap/scan/topic", "it is assumed")
+    assert advice_for(metrics, (sensor,), collisions=1) == ("a.yaml:4:1: it is assumed",)
+    (advice,) = advice_for(metrics, (sensor,), collisions=1, marked=(7.5,))
+    assert "the local costmap had the obstacle of the collision, so no sensor is the cause" in advice
+    assert "--time 7.0 shows" in advice
+    assert len(advice_for(metrics, (sensor,), collisions=2, marked=(7.5,))) == 2
+    # the text of a record's parameters has no file
+    assert advice_for(metrics, (replace(sensor, file="(a Python mapping)", line=0, column=0),), collisions=1) == (
+        "it is assumed",
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("start", "speed", "had"), [(START, -0.5, False), (Pose2D(1.6, 7.45, 3.14159), 0.5, True)])
+def test_a_run_and_its_record_know_whether_the_costmap_had_what_the_robot_touched(
+    start: Pose2D, speed: float, had: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Run(replace(scenario_of(NEAR), start=start))
+    run.step()
+    obey = run.robot.command
+    # a base that drives something else: backward, where its camera does not see, or ahead
+    monkeypatch.setattr(run.robot, "command", lambda twist: obey(Twist2D(speed, 0.0, 0.0)))
+    while not run.robot.collisions and run.robot.time < 20.0:
+        run.step()
+    run.step()
+    result = run.result(0.0)
+    assert result.collisions == 1
+    assert any("the local costmap had the obstacle" in line for line in result.advice) == had
+    run.stop()
+    assert run.recorder is not None
+    record = run.recorder.record()
+    assert any("the local costmap had the obstacle" in line for line in advice_of(record)) == had
