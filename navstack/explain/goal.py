@@ -11,7 +11,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Event, InputError, Pose2D, RecordError, angle_between, nearest_lethal, touches_lethal
+from navstack.core import (
+    LETHAL,
+    Costmap,
+    Event,
+    InputError,
+    Pose2D,
+    RecordError,
+    angle_between,
+    nearest_lethal,
+    touches_lethal,
+)
 from navstack.explain.docking import dockings_of
 from navstack.move_base import GoalTimeLimitError
 from navstack.record import STALL_S, Record, Stall, believed_poses, find_stalls
