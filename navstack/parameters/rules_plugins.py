@@ -366,6 +366,26 @@ document(
     __name__,
 )
 document(
+    "voxels-vanish",
+    "warning",
+    """A decaying voxel layer has the linear decay model and a voxel_decay that is not above 0 (its default is -1), so an
+    obstacle is gone in the update after the one that marks it.
+
+    Fix: set voxel_decay to the time in seconds for which an obstacle that is not seen again stays.
+    """,
+    __name__,
+)
+document(
+    "voxels-never-decay",
+    "warning",
+    """A decaying voxel layer has an exponential or persistent decay model, which ends voxels only in the field of view of a
+    clearing source with a decay_acceleration, and no source has both: obstacles stay for ever.
+
+    Fix: give a source `clearing: true` and a decay_acceleration above 0, or set decay_model to 0.
+    """,
+    __name__,
+)
+document(
     "unknown-not-tracked",
     "warning",
     """`allow_unknown: false` forbids unknown cells, but no layer of the global costmap marks cells as unknown: all of

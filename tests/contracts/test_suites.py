@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from navstack.behaviors import AssistedTeleop
+from navstack.core import RobotState, Twist2D
 from navstack.local_planner import RegulatedPurePursuitParams
 from navstack.local_planner.goal_checkers import SimpleGoalCheckerParams
 from navstack.local_planner.mppi.critics.goal_angle import GoalAngleCriticParams
@@ -18,6 +20,7 @@ from navstack.plugins import (
     PROGRESS_CHECKERS,
     RECOVERY_BEHAVIORS,
     SMOOTHERS,
+    BehaviorStep,
 )
 from navstack.testing import (
     critic_contract,
@@ -122,6 +125,19 @@ GLOBAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
 }
 """The rooms of the contract are too small for turns of the default radius, and for a goal within 0.5 m."""
 
+
+class DrivenByAPerson(AssistedTeleop):
+    """A person who drives for a second, then ends it; without one, assisted_teleop fails after its time_allowance."""
+
+    def step(self, state: RobotState, now: float) -> BehaviorStep:
+        self.take(Twist2D(0.2, 0.0, 0.1), now)
+        if now - self.started_at >= 1.0:
+            self.preempt()
+        return super().step(state, now)
+
+
+WITH_A_PERSON = {"assisted_teleop": DrivenByAPerson}
+
 SUITES: dict[str, type[Any]] = {
     **{f"TestLayer_{e.name}": layer_contract(e.cls) for e in LAYERS},
     **{
@@ -140,7 +156,7 @@ SUITES: dict[str, type[Any]] = {
     **{f"TestGoalChecker_{e.name}": goal_checker_contract(e.cls) for e in GOAL_CHECKERS},
     **{f"TestProgressChecker_{e.name}": progress_checker_contract(e.cls) for e in PROGRESS_CHECKERS},
     **{f"TestPathHandler_{e.name}": path_handler_contract(e.cls) for e in PATH_HANDLERS},
-    **{f"TestRecovery_{e.name}": recovery_contract(e.cls) for e in RECOVERY_BEHAVIORS},
+    **{f"TestRecovery_{e.name}": recovery_contract(WITH_A_PERSON.get(e.name, e.cls)) for e in RECOVERY_BEHAVIORS},
 }
 globals().update(SUITES)
 
