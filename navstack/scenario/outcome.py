@@ -91,9 +91,14 @@ EXPLAIN_COLLISIONS: Final = frozenset(
         "updates-too-slow",
         "stopping-time",
         "coarse-simulation",
+        "footprint-ignored",
+        "inflation-not-last",
+        "no-obstacle-critic",
+        "no-deceleration",
     }
 )
-"""Rules whose finding explains collisions: the robot sees other things than the real one, nothing, or too late."""
+"""Rules whose finding explains collisions: the robot sees other things than the real one, nothing, or too late, or takes its
+outline for a disc."""
 _SENSORS: Final = frozenset({"assumed-lidar", "nothing-feeds", "simulated-robot-blind", "blind", "clearing-only"})
 """Those of them that explain no collision with an obstacle that the local costmap had."""
 
