@@ -80,7 +80,9 @@ def plan(
     params, scorers = read_scorers({} if route_params is None else _server_values(route_params))
     costmap = None
     if grid is not None:
-        at = a if isinstance(a, Pose2D) else Pose2D(*graph.xy[graph.node(a)].tolist(), 0.0)
+        at = (
+            a if isinstance(a, Pose2D) else Pose2D(float(graph.xy[graph.node(a), 0]), float(graph.xy[graph.node(a), 1]))
+        )
         costmap = costmap_on_map(robot.load(), grid, at).master
     planner = RoutePlanner(graph, params, scorers, costmap=costmap)
     for edge in closed:
