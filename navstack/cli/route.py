@@ -26,7 +26,11 @@ if TYPE_CHECKING:
     from navstack.parameters import Configuration
     from navstack.routes import GraphFinding, PlannedRoute, RouteGraph
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Plan, check, draw and make route graphs.")
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Plan, check, draw and make route graphs (GeoJSON of nav2_route).",
+)
 
 Graph = Annotated[Path, typer.Argument(metavar="GRAPH.geojson", help="Route graph, in the format of nav2_route.")]
 MapOption = Annotated[
