@@ -65,6 +65,10 @@ def test_stop_on_failure_names_what_was_skipped() -> None:
     assert text.startswith("waypoint 0 was missed: ")
 
 
+def refused(index: int, pose: Pose2D) -> bool:
+    return False
+
+
 def broken(index: int, pose: Pose2D) -> bool:
     raise ValueError("the gripper is cold")
 
@@ -72,7 +76,7 @@ def broken(index: int, pose: Pose2D) -> bool:
 @pytest.mark.parametrize(
     ("executor", "why"),
     [
-        (lambda index, pose: False, "the task at waypoint 0 failed"),
+        (refused, "the task at waypoint 0 failed"),
         (broken, "the task at waypoint 0 failed: ValueError: the gripper is cold"),
         (
             InputAtWaypoint(lambda: False, 1.5),
@@ -111,7 +115,8 @@ def test_photos(tmp_path: Path) -> None:
 
     world = NavigatorBench()
     shots = iter(range(1, 10))
-    photo = PhotoAtWaypoint(lambda: SimpleNamespace(rgb=np.full((4, 6, 3), next(shots), np.uint8)), tmp_path / "photos")
+    camera: Any = lambda: SimpleNamespace(rgb=np.full((4, 6, 3), next(shots), np.uint8))  # noqa: E731
+    photo = PhotoAtWaypoint(camera, tmp_path / "photos")
     world.navigator.followWaypoints([A, B], number_of_loops=1, executor=photo)
     assert world.run() is TaskResult.SUCCEEDED
     assert [file.name for file in photo.taken] == [

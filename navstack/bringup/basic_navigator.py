@@ -331,15 +331,19 @@ class NavigatorServices(ABC):
     # --- routes ---------------------------------------------------------------------------------------------------------
 
     def setRouteGraph(
-        self, graph_filepath: str | os.PathLike[str] | RouteGraph, parameters: Mapping[str, Any] | None = None
+        self,
+        graph_filepath: str | os.PathLike[str] | RouteGraph,
+        parameters: Mapping[str, Any] | None = None,
+        operations: Sequence[RouteOperation] | None = None,
     ) -> bool:
         """Use this route graph (Nav2's service set_route_graph), with parameters of Nav2's route_server.
 
-        Raises InvalidGraphError for the file, ParameterError.
+        `operations` replace those of the parameters, such as a TriggerEvent with your functions. Raises InvalidGraphError for the
+        file, ParameterError.
         """
         graph = graph_filepath if isinstance(graph_filepath, RouteGraph) else load_graph(graph_filepath)
         params, scorers = read_scorers(parameters or {})
-        self._route_operations = read_operations(parameters or {})
+        self._route_operations = read_operations(parameters or {}) if operations is None else list(operations)
         self._router = RoutePlanner(graph, params, scorers)
         return True
 

@@ -407,10 +407,15 @@ def _navstack_error(exc: Exception, as_json: bool) -> int:
 
 
 def exit_code_of(error: Exception) -> int:
-    """1 for a planner that finds no path between valid poses (a failed goal), 2 for every other error."""
+    """1 for a planner that finds no path between valid poses, or no route (a failed goal), 2 for every other error."""
     from navstack.core import NoValidPathError, PlanningTimeoutError
 
-    return EXIT_GOAL_FAILED if isinstance(error, (NoValidPathError, PlanningTimeoutError)) else EXIT_WRONG_INPUT
+    no_route = getattr(error, "code", 0) in (404, 405)  # of navstack.routes
+    return (
+        EXIT_GOAL_FAILED
+        if no_route or isinstance(error, (NoValidPathError, PlanningTimeoutError))
+        else EXIT_WRONG_INPUT
+    )
 
 
 def _report(

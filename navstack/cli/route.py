@@ -26,7 +26,11 @@ if TYPE_CHECKING:
     from navstack.parameters import Configuration
     from navstack.routes import GraphFinding, PlannedRoute, RouteGraph
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Plan, check, draw and make route graphs.")
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Plan, check, draw and make route graphs (GeoJSON of nav2_route).",
+)
 
 Graph = Annotated[Path, typer.Argument(metavar="GRAPH.geojson", help="Route graph, in the format of nav2_route.")]
 MapOption = Annotated[
@@ -80,7 +84,9 @@ def plan(
     params, scorers = read_scorers({} if route_params is None else _server_values(route_params))
     costmap = None
     if grid is not None:
-        at = a if isinstance(a, Pose2D) else Pose2D(*graph.xy[graph.node(a)].tolist(), 0.0)
+        at = (
+            a if isinstance(a, Pose2D) else Pose2D(float(graph.xy[graph.node(a), 0]), float(graph.xy[graph.node(a), 1]))
+        )
         costmap = costmap_on_map(robot.load(), grid, at).master
     planner = RoutePlanner(graph, params, scorers, costmap=costmap)
     for edge in closed:

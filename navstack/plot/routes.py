@@ -88,7 +88,8 @@ def plot_graph(
                 zorder=7,
                 ls="none",
             )
-            entries.append((disc_handle(colors.VERMILLION), f"node with an error ({int(wrong.sum())})"))
+            cross = Line2D([], [], marker="X", ms=7.0, color=colors.VERMILLION, mec="white", mew=0.6, ls="none")
+            entries.append((cross, f"node with an error ({int(wrong.sum())})"))
         entries.append((disc_handle(colors.BLUE), "node" + (" and its id" if len(graph) <= _MOST_NUMBERS else "")))
         if len(graph) <= _MOST_NUMBERS:
             _number(axes, graph)

@@ -186,9 +186,8 @@ def _fits_along(space: FreeSpace, footprint: Footprint, a: Points, b: Points) ->
     """Return True if the footprint, heading along the segment from `a` to `b` (cells), touches no obstacle."""
     yaw = float(np.arctan2(*(b - a)[::-1]))
     size = space.resolution
-    swept = shapely.union(
-        *(shapely.Polygon(footprint.at(Pose2D(float(p[0]) * size, float(p[1]) * size, yaw)) / size) for p in (a, b))
-    ).convex_hull
+    outlines = [footprint.at(Pose2D(float(p[0]) * size, float(p[1]) * size, yaw)) / size for p in (a, b)]
+    swept = shapely.MultiPoint(np.concatenate(outlines)).convex_hull
     x0, y0, x1, y1 = (int(v) for v in swept.bounds)
     ys, xs = np.nonzero(space.occupied[max(y0, 0) : y1 + 1, max(x0, 0) : x1 + 1])
     xs, ys = xs + max(x0, 0), ys + max(y0, 0)

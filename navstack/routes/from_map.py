@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,7 +177,7 @@ class _Skeleton:
             return
         from scipy.ndimage import find_objects, label  # slow import
 
-        labels, _ = label(free, np.ones((3, 3)))
+        labels, _ = cast("tuple[NDArray[np.int32], int]", label(free, np.ones((3, 3))))
         boxes = find_objects(labels)
         for x, y in alone:
             part = int(labels[y, x])

@@ -49,7 +49,8 @@ def test_plan(graph_file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Pa
     assert "no way from node 0 to node 3" in capsys.readouterr().err
     server = tmp_path / "nav2.yaml"
     server.write_text(
-        "route_server:\n  ros__parameters:\n    edge_cost_functions: [T]\n    T: {plugin: 'nav2_route::TimeScorer', max_vel: 0.1}\n"
+        "route_server:\n  ros__parameters:\n    edge_cost_functions: [T]\n"
+        "    T: {plugin: 'nav2_route::TimeScorer', max_vel: 0.1}\n"
     )
     assert (
         run(["route", "plan", str(graph_file), "--start", "0", "--goal", "3", "--route-params", str(server), "--json"])

@@ -29,6 +29,7 @@ from navstack.routes.tracking import (
     AdjustSpeedLimit,
     CollisionMonitor,
     MonitorParams,
+    OperationEvent,
     ReroutingService,
     RouteOperation,
     RouteTracker,
@@ -201,9 +202,7 @@ def test_nodes_are_passed_beyond_the_line_that_halves_the_angle() -> None:
 
 def navigator_on(graph: RouteGraph, operations: list[RouteOperation] | None = None, **shapes: Any) -> BasicNavigator:
     navigator = BasicNavigator.simulated(CONFIGURATION, hall(), Pose2D(-1.0, 0.0, 0.0), **shapes)
-    navigator.setRouteGraph(graph)
-    if operations is not None:
-        navigator._route_operations = operations
+    navigator.setRouteGraph(graph, operations=operations)
     return navigator
 
 
@@ -248,7 +247,11 @@ def test_operations_of_the_graph() -> None:
     speeds: list[float] = []
 
     def called(name: str) -> Any:
-        return lambda event: calls.append(name)
+        def call(event: OperationEvent) -> None:
+            assert event.graph is graph
+            calls.append(name)
+
+        return call
 
     event = TriggerEvent(name="Event", functions={"bell": called("bell"), "": called("door")})
     navigator = navigator_on(graph, [AdjustSpeedLimit(), TimeMarker(), event])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -34,7 +35,9 @@ def squares(grid: OccupancyGrid) -> shapely.STRtree:
         np.stack([np.stack([xs - 1 + i, ys - 1 + j], axis=1) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))], axis=1)
         * g.resolution
     )
-    return shapely.STRtree(shapely.polygons(corners @ np.array([[c, s], [-s, c]]) + (g.origin_x, g.origin_y)))
+    turned = corners @ np.array([[c, s], [-s, c]]) + (g.origin_x, g.origin_y)
+    cells: Any = shapely.polygons(turned)
+    return shapely.STRtree(cells)
 
 
 def distances(graph: RouteGraph, tree: shapely.STRtree) -> np.ndarray:
@@ -58,7 +61,7 @@ def require_good(graph: RouteGraph, grid: OccupancyGrid, radius: float) -> None:
     # the places where the circle fits, by shapely's distance to the squares, as parts of neighboring cells
     space = FreeSpace.of(grid)
     free = space.distances >= math.sqrt((radius / space.resolution) ** 2 + 0.5) + 1e-4
-    labels, count = label(free, np.ones((3, 3)))
+    labels, count = cast("tuple[np.ndarray, int]", label(free, np.ones((3, 3))))
     cells = np.floor(space.to_cells(graph.xy.astype(np.float64))).astype(int)
     of = labels[cells[:, 1], cells[:, 0]]
     assert of.min() > 0

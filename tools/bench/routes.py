@@ -112,7 +112,7 @@ def grids(sizes: list[int], queries: int) -> None:
         exact = RoutePlanner(graph, planner.params.model_copy(update={"search": "dijkstra"}))
         ends = graph.node_ids[rng.integers(0, len(graph), (queries, 2))]
         pairs = [(int(a), int(b)) for a, b in ends if a != b]
-        poses = [[Pose2D(*graph.xy[i].tolist(), 0.0) for i in pair] for pair in pairs]
+        poses = [[Pose2D(float(graph.xy[i, 0]), float(graph.xy[i, 1])) for i in pair] for pair in pairs]
         found = [mean_ms(planner.find, pairs)]
         found.append(found[0] + mean_ms(partial(associate, planner), poses))
         found.append(mean_ms(exact.find, pairs[:20]))
