@@ -2,10 +2,10 @@
 
     python tools/docking_runs.py [--count 1000] [--detector camera|reflector] [--seed 0] [--processes 2] [--cases]
 
-Each run starts at a random pose in a room before the dock, drives to the staging pose and docks. Its localization has errors of 2 cm and
-2 degrees, and so has every detection of the camera; the lidar that sees the reflector has an error of 1 cm per beam. The errors
-in the table are those of the true pose from the pose in the dock. `--cases` runs the hostile cases instead: each must end with
-its code.
+Each run starts at a random pose in a room before the dock, drives to the staging pose and docks. Its localization has errors of
+2 cm and 2 degrees, and so has every detection of the camera; the lidar that sees the reflector has an error of 1 cm per beam. The
+errors in the table are those of the true pose from the pose in the dock. `--cases` runs the hostile cases instead: each must end
+with its code.
 """
 
 from __future__ import annotations
