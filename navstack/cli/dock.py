@@ -89,7 +89,7 @@ class DockOptions(NamedTuple):
     def build(self) -> tuple[Scenario, str]:
         """Return the scenario of the docking, and the name of the dock. Raises InputError, MapError or ParameterError."""
         path, grid = map_of(self.map_)
-        base = load_configuration(self.params, overrides=self.set_, distro=self.distro)
+        base = load_configuration(self.params, distro=self.distro)
         name, overlay = self._overlay(base)
         configuration = load_configuration([*self.params, overlay], overrides=self.set_, distro=self.distro)
         print_warnings(configuration, self.params, self.set_, distro=self.distro, simulated=True)
@@ -121,9 +121,8 @@ class DockOptions(NamedTuple):
             text = next(iter(known.docks))
         if text is None:
             if self.map_ != "office":
-                raise InputError(
-                    "no dock is known; give --dock X,Y,YAW, or list it under docking_server/docks", argument="--dock"
-                )
+                text = "no dock is known; give --dock X,Y,YAW, or list it under docking_server/docks"
+                raise InputError(text, argument="--dock")
             text = OFFICE_DOCK
         if "," not in text:
             dock = known.dock(text)

@@ -10,7 +10,7 @@ import numpy as np
 
 from navstack.core import InputError, Pose2D
 from navstack.plot import canvas, colors, drawing
-from navstack.plot.picture import Entries, Picture, area_of
+from navstack.plot.picture import Entries, Picture, area_of, disc_handle
 from navstack.plot.run import circumstances, draw_map, draw_obstacles
 from navstack.record import Record
 
@@ -50,7 +50,7 @@ def plot_docking(
     dock = _dock_pose(record, data)
     near = [pose for part in rows for pose in record.poses[part]]
     kept = [pose for pose in near if whole or math.hypot(pose[0] - dock.x, pose[1] - dock.y) <= AROUND_M]
-    corners = np.array([[dock.x - 0.4, dock.y - 0.4, 0.0], [dock.x + 0.4, dock.y + 0.4, 0.0]])
+    corners = np.array([[dock.x - 0.5, dock.y - 0.5, 0.0], [dock.x + 0.5, dock.y + 0.5, 0.0]])
     with canvas.style():
         name, status = data.get("dock", "dock"), data["status"]
         verb = "undocking from" if data.get("kind") == "undock" else "docking at"
@@ -79,7 +79,7 @@ def plot_docking(
             at = drawing.pose_of(record.poses[min(max(last, 0), len(record.poses) - 1)])
             entries.append((drawing.draw_footprint(picture.axes, record.footprint, at), "robot at the end"))
         drawing.draw_heading(picture.axes, dock, colors.VERMILLION, picture.points_per_m)
-        entries.append((drawing.ring_handle(colors.VERMILLION), "pose in the dock"))
+        entries.append((disc_handle(colors.VERMILLION), "pose in the dock"))
         strip = 1.7 if ax is None else 0.0
         picture.legend(entries, extra_in=strip)
         if strip:

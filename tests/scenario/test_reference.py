@@ -10,7 +10,9 @@ from pathlib import Path
 
 from navstack.parameters.report import table_of
 from navstack.plugins import ParamModel
+from navstack.scenario.low_battery import LowBattery
 from navstack.scenario.spec import Tour
+from navstack.scenario.steps import DockStep, UndockStep
 from navstack.scenario.success import Success
 from navstack.sim import MOTIONS, Shape
 
@@ -20,6 +22,9 @@ SECTIONS: dict[str, type[ParamModel]] = {
     "`shapes:` an entry": Shape,
     **{f"`motion:` of the kind `{kind}`": model for kind, model in MOTIONS.items() if kind != "still"},
     "`tour:`": Tour,
+    "`low_battery:`": LowBattery,
+    "`goals:` a step `dock`": DockStep,
+    "`goals:` a step `undock`": UndockStep,
     "`success:`": Success,
 }
 

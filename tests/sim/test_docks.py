@@ -39,7 +39,7 @@ def beside(x: float, y: float, yaw: float) -> Pose2D:
     ("error", "touches"),
     [
         ((0.0, 0.0, 0.0), True),
-        ((-0.004, 0.009, 0.017), True),
+        ((-0.004, 0.009, 0.0165), True),
         ((0.01, 0.0, 0.0), True),
         ((-0.006, 0.0, 0.0), False),
         ((0.0, 0.011, 0.0), False),

@@ -448,7 +448,9 @@ class SimDockParams(ParamModel):
     contact_width: float = param(
         0.01, "half the width of the contacts: lateral error at which they meet", unit="m", gt=0.0
     )
-    contact_angle: float = param(0.0175, "error of the yaw at which both contacts meet (1 degree)", unit="rad", gt=0.0)
+    contact_angle: float = param(
+        0.017, "error of the yaw at which both contacts meet (just below 1 degree)", unit="rad", gt=0.0
+    )
     powered: bool = param(True, "false: the contacts carry no current")
     charging_current: float = param(4.0, "current from the contacts", unit="A", gt=0.0)
     charging_delay: float = param(0.5, "time from the contact to the current", unit="s", ge=0.0)
