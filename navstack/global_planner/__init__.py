@@ -12,6 +12,8 @@ The frame handles start policy, goal tolerance, errors, headings and the cached 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.global_planner._curves import dubins_curve as dubins_curve
+    from navstack.global_planner._curves import reeds_shepp_curve as reeds_shepp_curve
     from navstack.global_planner._lattice import Lattice as Lattice
     from navstack.global_planner._lattice import sample as sample
     from navstack.global_planner._lattice_file import read_lattice as read_lattice

@@ -31,7 +31,7 @@ LEVELS: Final[tuple[tuple[str, ...], ...]] = (
         "localization",
         "sim",
     ),
-    ("move_base",),
+    ("move_base", "coverage"),
     ("bringup", "record"),
     ("scenario", "logs"),
     ("replay",),
