@@ -38,6 +38,7 @@ from navstack.core import (
     Twist2D,
 )
 from navstack.costmap import LayeredCostmap
+from navstack.coverage import CoverageDrive, CoveragePlan, Field, field_of_corners, plan_coverage, read_params
 from navstack.map_io import load_map
 from navstack.move_base import (
     EPSILON_S,
@@ -415,6 +416,8 @@ class BasicNavigator(NavigatorServices):
         self.move_base = move_base
         self.missed_waypoints: list[int] = []
         """Indices of the waypoints that the last followWaypoints did not reach."""
+        self.coverage: CoverageDrive | None = None
+        """The last coverage task, with its plan and its figures."""
         self._advance = advance
         self._place = place
         self._now = advance(0.0)
@@ -500,6 +503,28 @@ class BasicNavigator(NavigatorServices):
                 "there is one local planner with one goal checker; choose it with base_local_planner",
             )
         return self._run_behavior(FollowPath(self.move_base, path))
+
+    def navigateCoverage(self, field: Sequence[Any] | None = None, **modes: Any) -> bool:
+        """Drive a tool over all of `field`, or of what can be reached; the name is that of opennav_coverage's demo.
+
+        `field`: corners (x, y) (m, frame of the global costmap), or polygons: the border, then holes. `modes`: fields of
+        ComputeCoveragePath by their names, such as `operation_width=0.3`. The task has its figures in `coverage`. Raises
+        InvalidCoverageRequestError and InvalidModeError.
+        """
+        self.coverage = CoverageDrive(read_params(modes), field=_field(field), name="navigate_coverage")
+        return self._run_behavior(self.coverage)
+
+    def getCoveragePath(self, field: Sequence[Any] | None = None, **modes: Any) -> CoveragePlan | None:
+        """Plan what `navigateCoverage` drives; None without a plan, with the reason in `getTaskError`."""
+        costmap = self.move_base.global_costmap
+        self._error = NO_ERROR
+        self._tick(self._now)
+        try:
+            pose = costmap.robot_pose(self._now)
+            return plan_coverage(costmap.master, costmap.footprint, pose, read_params(modes), polygon=_field(field))
+        except NavError as exc:
+            self._error = (exc.code, exc.message)
+            return None
 
     def spin(
         self, spin_dist: float = 1.57, time_allowance: float = 10.0, disable_collision_checks: bool = False
@@ -708,6 +733,15 @@ class BasicNavigator(NavigatorServices):
         self._error = NO_ERROR if error is None else (error.code, error.message)
         robot = self.move_base.robot
         call(robot, robot.command, Twist2D())
+
+
+def _field(corners: Sequence[Any] | None) -> Field | None:
+    """Return the field of the corners of a border, or of a border and holes."""
+    if corners is None:
+        return None
+    first = corners[0] if len(corners) else None
+    is_ring = isinstance(first, (list, tuple, np.ndarray)) and len(first) > 0 and isinstance(first[0], (int, float))
+    return field_of_corners([corners] if is_ring else corners)
 
 
 def _check_tree(behavior_tree: str) -> None:

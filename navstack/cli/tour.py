@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 from rich.markup import escape
 
-from navstack.behaviors import EXAMPLES, read_step, step_text
+from navstack.behaviors import EXAMPLES
 from navstack.cli import options
 from navstack.cli.arguments import map_of, parse_obstacles, parse_place
 from navstack.cli.interrupts import interrupt_flag
@@ -31,13 +31,12 @@ from navstack.core import InputError, ensure_directory, locked_folder, write_jso
 from navstack.map_io import map_names, map_path
 from navstack.parameters import load_configuration
 from navstack.plot import plot_run
-from navstack.scenario import Scenario, drive_tour, load_places, visit_order, warm_up
+from navstack.scenario import Scenario, drive_tour, load_places, read_step, step_text, visit_order, warm_up
 
 if TYPE_CHECKING:
-    from navstack.behaviors import Step
     from navstack.cli.interrupts import Interrupt
     from navstack.core import Pose2D
-    from navstack.scenario import GoalOutcome, Places, TourResult, TourState
+    from navstack.scenario import GoalOutcome, Places, Step, TourResult, TourState
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The options of `navstack tour` that make up a tour.

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from navstack.scenario.run import warm_up as warm_up
     from navstack.scenario.scenario import Scenario as Scenario
     from navstack.scenario.spec import ScenarioSpec as ScenarioSpec
+    from navstack.scenario.steps import Step as Step
+    from navstack.scenario.steps import read_step as read_step
+    from navstack.scenario.steps import step_text as step_text
     from navstack.scenario.success import ConditionResult as ConditionResult
     from navstack.scenario.success import SuccessConditions as SuccessConditions
     from navstack.scenario.suites import load_suite as load_suite

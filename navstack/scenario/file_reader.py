@@ -32,7 +32,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
-from navstack.behaviors import GoToStep, Step, read_step, step_text
+from navstack.behaviors import GoToStep
 from navstack.core import InputError, MapError, Pose2D, exists, is_file, short_repr
 from navstack.map_io import map_names, map_path
 from navstack.parameters import (
@@ -70,6 +70,7 @@ from navstack.scenario.spec import (
     check_start_on_map,
     scenario_error,
 )
+from navstack.scenario.steps import Step, read_step, step_text
 from navstack.scenario.success import Success, SuccessConditions
 from navstack.sim import MOTIONS, PedestrianMotion, Shape
 

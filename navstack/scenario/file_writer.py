@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from navstack.behaviors import step_data
 from navstack.core import NavError, OccupancyGrid, OutputError, ensure_directory, write_text
 from navstack.map_io import load_map, map_names, map_path, save_map
 from navstack.parameters import Configuration, load_configuration, packaged_sets, same_parameters
 from navstack.scenario.file_reader import load_scenario
 from navstack.scenario.interactions import as_data
 from navstack.scenario.scenario import Scenario
+from navstack.scenario.steps import step_data
 from navstack.scenario.success import SuccessConditions
 
 

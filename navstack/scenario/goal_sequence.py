@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from navstack.behaviors import Step, step_text
 from navstack.core import Pose2D, angle_between, jsonable
 from navstack.move_base import GoalHandle, GoalTimeLimitError, MotionHandle, MoveBase
 from navstack.plugins import Behavior
 from navstack.scenario.outcome import GoalOutcome, RunMeasurements
+from navstack.scenario.steps import Step, step_text
 from navstack.sim import SimulatedRobot
 
 

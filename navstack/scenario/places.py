@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from navstack.behaviors import GoToStep, Step, is_step, read_step
+from navstack.behaviors import GoToStep
 from navstack.core import InputError, Pose2D
 from navstack.map_io import map_names, packaged_map_file
 from navstack.move_base import is_planar, yaw_of
 from navstack.parameters import DictNode, ListNode, Location, Node, ScalarNode, plain, read_yaml
+from navstack.scenario.steps import Step, is_step, read_step
 
 Order = Literal["given", "sorted", "random"]
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.behaviors import Step, motion_of
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
 from navstack.core import InternalError, Listener, NavError, Pose2D, Transform2D, normalize_angle, working_time
 from navstack.move_base import MotionHandle, MoveBase
@@ -33,6 +32,7 @@ from navstack.scenario.interactions import effect_ends
 from navstack.scenario.interventions import Interventions
 from navstack.scenario.outcome import GoalOutcome, RunMeasurements, RunResult, WarningCollector, advice_for
 from navstack.scenario.scenario import Scenario
+from navstack.scenario.steps import Step, motion_of
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import SimulatedRobot, wheel_drive
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, TypeAdapter, ValidationError
 
 from navstack import __version__
-from navstack.behaviors import GoToStep, InvalidMotionError, Step, read_step, step_data
+from navstack.behaviors import GoToStep, InvalidMotionError
 from navstack.core import OccupancyGrid, Pose2D, RecordError, short_repr, shortened
 from navstack.parameters import Configuration, load_configuration
 from navstack.record import Record
@@ -27,6 +27,7 @@ from navstack.scenario.fields import (
     encode_floats,
 )
 from navstack.scenario.interactions import Interaction, as_data
+from navstack.scenario.steps import Step, read_step, step_data
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import PedestrianMotion, Shape, World
 

@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import shapely
 
-from navstack.behaviors import Step
 from navstack.core import Footprint, InputError, OccupancyGrid, Pose2D, ScenarioError
 from navstack.map_io import load_map
 from navstack.parameters import Configuration, Finding, Location, Source, finding, load_configuration
@@ -20,6 +19,7 @@ from navstack.plugins import ParamModel, param
 from navstack.scenario.fields import described
 from navstack.scenario.places import visit_order
 from navstack.scenario.scenario import Scenario
+from navstack.scenario.steps import Step
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import OCCUPIED, PedestrianMotion, Shape, Still
 
