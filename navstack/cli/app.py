@@ -47,6 +47,9 @@ COMMANDS: Final = {
         "tour",
         "Drive a simulated robot to named places. Ctrl-C, SIGTERM and SIGHUP stop the robot and keep record and log.",
     ),
+    "cover": LazyCommand(
+        "cover", "cover", "Plan, and drive, a tool over all of a map or polygon that the footprint can reach."
+    ),
     "move": LazyCommand(
         "motions",
         "move",
@@ -201,6 +204,11 @@ EXPLAIN_COMMANDS: Final = {
         "explain.tracking",
         "tracking",
         "Explain how well a trajectory was followed: errors along, across and of the heading, mean and worst, over time.",
+    ),
+    "coverage": LazyCommand(
+        "explain.coverage",
+        "coverage",
+        "Explain which parts of a coverage task stayed uncovered and why, with the figures of the plan and of the drive.",
     ),
     "passages": LazyCommand(
         "explain.passages",

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from navstack.explain.command import chain_sentence as chain_sentence
     from navstack.explain.command import explain_command as explain_command
     from navstack.explain.command import steering_sentence as steering_sentence
+    from navstack.explain.coverage import CoverageReport as CoverageReport
+    from navstack.explain.coverage import explain_coverage as explain_coverage
     from navstack.explain.crossing import ShapePassage as ShapePassage
     from navstack.explain.goal import GoalReport as GoalReport
     from navstack.explain.goal import RecoveryRun as RecoveryRun

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from navstack.plot.commands import plot_commands as plot_commands
     from navstack.plot.commands import plot_replay as plot_replay
     from navstack.plot.commands import plot_steering as plot_steering
+    from navstack.plot.coverage import plot_coverage as plot_coverage
     from navstack.plot.fan import plot_command as plot_command
     from navstack.plot.film import animate_run as animate_run
     from navstack.plot.goals import plot_goal_reports as plot_goal_reports
