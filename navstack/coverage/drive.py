@@ -194,7 +194,9 @@ class CoverageDrive(Behavior[CoverageParams]):
         line, at_work = plan.line()
         planned = visits_of(plan.area, line, at_work)
         least = 0.1 * plan.area.operation_width**2
-        left = left_in(plan.area, visits, planned=planned, blocked=self._blocked, least_m2=least)
+        left = left_in(
+            plan.area, visits, planned=planned, blocked=self._blocked, ahead=self._to_drive(), least_m2=least
+        )
         duration = self.track[-1][0] - self.track[0][0] if self.track else 0.0
         return {
             "plan": plan.figures.as_dict(),
@@ -212,6 +214,17 @@ class CoverageDrive(Behavior[CoverageParams]):
         steps = np.diff(points, axis=0, append=points[-1:])
         self.reference = Path(np.column_stack((points, np.arctan2(steps[:, 1], steps[:, 0]))), self.frame)
         self.target = Pose2D(float(points[-1, 0]), float(points[-1, 1]), 0.0)
+
+    def _to_drive(self) -> NDArray[np.int32] | None:
+        """Return the visits of the legs that are not driven; None after the last one."""
+        assert self.plan is not None
+        legs = self._legs[self._next :]
+        if not legs:
+            return None
+        begin = self.track[-1][1:3] if self.track else legs[0][:2]
+        points = np.array([begin, *(leg[:2] for leg in legs)])
+        works = np.array([*(leg[2] for leg in legs), False])
+        return visits_of(self.plan.area, points, works)
 
     # --- planning and obstacles ---------------------------------------------------------------------------------------
 

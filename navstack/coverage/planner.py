@@ -90,7 +90,7 @@ class CoveragePlan:
 
     @property
     def tight(self) -> int:
-        """Number of turns and ways that are no curve of the turning radius; 0 does not matter to a base that turns in place."""
+        """Number of turns and ways that are not curves of the turning radius; a base that turns in place needs no curves."""
         return sum(not segment.works and not segment.curved for segment in self.segments)
 
     def line(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -211,6 +211,15 @@ def test_left_parts_have_a_place_and_a_reason() -> None:
     assert "obstacle" in left_in(area, part, planned=planned, blocked=blocked)[0].reason
 
 
+def test_what_was_not_driven_yet_is_said() -> None:
+    area = make_area(room(6.0, 4.0), ROBOT, Pose2D(1.0, 2.0, 0.0), 0.3)
+    line = np.array([(1.0, 2.0), (4.0, 2.0)])
+    ahead = visits_of(area, line, np.array([True, False]))
+    other = np.where(ahead > 0, 0, 1).astype(np.int32)
+    (part,) = left_in(area, other, planned=ahead, ahead=ahead)
+    assert part.reason == "the drive ended before it came there"
+
+
 def test_a_tour_of_points_on_a_line_is_driven_in_one_direction() -> None:
     at = np.array([0.0, 5.0, 2.0, 9.0, 7.0, 1.0])
     distances = np.abs(at[:, None] - at[None, :])
