@@ -32,7 +32,6 @@ from navstack.coverage import (
     left_in,
     plan_coverage,
     read_cover_step,
-    read_field,
     roomy_start,
     visits_of,
 )
@@ -123,8 +122,8 @@ def cover(
     path, grid = map_of(chosen.map_)
     configuration = load_configuration(chosen.params, overrides=chosen.set_, distro=chosen.distro)
     print_findings(configuration.findings, chosen.params, chosen.set_)
-    if chosen.polygon is not None:
-        read_field(chosen.polygon)
+    if drive:  # a base that cannot drive this is reported before anything is written
+        step.motion(configuration.navstack.motion, turning_radius=configuration.navstack.sim.turning_radius)
     with loading_kernels(["coverage"], quiet=json_):
         start, plan = _planned(chosen, configuration, grid, step)
     folder = ensure_directory(out)
@@ -138,7 +137,8 @@ def cover(
         "wanted_m2": _wanted_m2(grid, plan),
         "plan": plan.figures.as_dict(),
     }
-    visits = visits_of(plan.area, *plan.line())
+    line, at_work = plan.line()
+    visits = visits_of(plan.area, line, at_work)
     left = [part.as_dict() for part in left_in(plan.area, visits, least_m2=0.1 * step.operation_width**2)]
     files = {"picture": folder / "coverage.png", "summary": folder / "coverage.json"}
     subtitle = _subtitle(document["plan"])
@@ -282,26 +282,28 @@ def _subtitle(figures: dict[str, Any]) -> str:
     return f"{text}, {figures['time_s']:.0f} s" if "time_s" in figures else text
 
 
+def _texts(figures: dict[str, Any], planning_time_s: float) -> dict[str, str]:
+    """Return the lines of a column of the table."""
+    return {
+        "covered": f"{figures['covered_m2']:.1f} m²",
+        "of what is in reach": f"{figures['share']:.1%} of {figures['reachable_m2']:.1f} m²",
+        "overlap": f"{figures['overlap']:.1%}",
+        "length at work": f"{figures['work_m']:.1f} m",
+        "length with the tool off": f"{figures['travel_m']:.1f} m",
+        "turns": str(figures["turns"]),
+        "time": f"{figures['time_s']:.0f} s" if "time_s" in figures else f"planned in {planning_time_s:.2f} s",
+    }
+
+
 def _print(document: dict[str, Any], name: str) -> None:
     out = stdout()
     table = titled_table(
         f"coverage of {name}", left=("",), right=("plan", *(("driven",) if "driven" in document else ()))
     )
     columns = [document["plan"], *([document["driven"]] if "driven" in document else [])]
-    rows = (
-        ("covered", lambda f: f"{f['covered_m2']:.1f} m²"),
-        ("of what is in reach", lambda f: f"{f['share']:.1%} of {f['reachable_m2']:.1f} m²"),
-        ("overlap", lambda f: f"{f['overlap']:.1%}"),
-        ("length at work", lambda f: f"{f['work_m']:.1f} m"),
-        ("length with the tool off", lambda f: f"{f['travel_m']:.1f} m"),
-        ("turns", lambda f: str(f["turns"])),
-        (
-            "time",
-            lambda f: f"{f['time_s']:.0f} s" if "time_s" in f else f"planned in {document['planning_time_s']:.2f} s",
-        ),
-    )
-    for label, text in rows:
-        table.add_row(label, *(text(figures) for figures in columns))
+    texts = [_texts(figures, document["planning_time_s"]) for figures in columns]
+    for label in texts[0]:
+        table.add_row(label, *(column[label] for column in texts))
     out.print(table)
     wanted, reach = document["wanted_m2"], document["plan"]["reachable_m2"]
     if wanted > reach:

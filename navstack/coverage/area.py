@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from navstack.core import LETHAL, UNKNOWN, Costmap, Footprint, GridGeometry, Pose2D
 from navstack.coverage.errors import InvalidCoverageRequestError, NothingToCoverError
@@ -75,6 +74,24 @@ class Area:
         return np.ascontiguousarray((points[:, :2] - (g.origin_x, g.origin_y)) / g.resolution - 0.5)
 
 
+def distance_to(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the distance of each cell to the nearest one in `mask` (cells, from center to center); inf if it is empty."""
+    from scipy import ndimage
+
+    if not mask.any():
+        return np.full(mask.shape, np.inf)
+    found: Any = ndimage.distance_transform_edt(~mask)
+    return found
+
+
+def regions_of(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+    """Return the number of its connected region for each cell, 0 outside `mask`, and how many there are; diagonals connect."""
+    from scipy import ndimage
+
+    found: Any = ndimage.label(mask, np.ones((3, 3), np.int8))
+    return found[0], int(found[1])
+
+
 def reach_of(footprint: Footprint, resolution: float, clearance: float) -> float:
     """Return how far (m) centers of cells must be from every obstacle for the footprint to be free on lines between them.
 
@@ -91,6 +108,8 @@ def near(blocked: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
 
     Cells outside the grid count as blocked. Exact, unlike a distance to centers.
     """
+    if radius > min(blocked.shape):  # from everywhere the border is nearer
+        return np.ones(blocked.shape, np.bool_)
     margin = math.ceil(radius) + 1
     padded = np.pad(blocked, margin, constant_values=True)
     ny, nx = padded.shape
@@ -140,13 +159,13 @@ def make_area(
     if not passable.any():
         raise _fits_nowhere(footprint, "on this map", "check robot_radius or footprint, and the thresholds of the map")
     cell = nearest_free(passable, g, start)
-    labels, _ = ndimage.label(passable, np.ones((3, 3), np.int8))
+    labels, _ = regions_of(passable)
     connected = labels == labels[cell[1], cell[0]]
     free = free & connected
     if not free.any():
         where = "from the start" if polygon is None else "inside the polygon, or it cannot get there from the start"
         raise _fits_nowhere(footprint, where, "enlarge the polygon, or begin elsewhere")
-    widest = 2.0 * float(ndimage.distance_transform_edt(np.pad(~obstacles, 1)).max()) * g.resolution
+    widest = 2.0 * float(distance_to(~np.pad(~obstacles, 1)).max()) * g.resolution
     if operation_width > widest:
         raise InvalidCoverageRequestError(
             f"operation_width is {operation_width:g} m, wider than the free space, {widest:.2f} m at most; give the width of "
@@ -162,7 +181,7 @@ def make_area(
     reach = 0.5 * operation_width / grid.resolution
     wanted = ~obstacles if outside is None else ~(obstacles | outside)
     wanted = np.repeat(np.repeat(wanted, factor, axis=0), factor, axis=1) if factor > 1 else wanted
-    reachable = (ndimage.distance_transform_edt(centers) <= reach) & wanted
+    reachable = (distance_to(~centers) <= reach) & wanted
     return Area(g, free, connected, grid, reachable, wanted, operation_width, footprint, start)
 
 
@@ -211,7 +230,7 @@ def roomy_start(costmap: Costmap, footprint: Footprint, *, clearance: float = 0.
     g = costmap.geometry
     obstacles = (costmap.data == LETHAL) | (costmap.data == UNKNOWN)
     free = ~near(obstacles, reach_of(footprint, g.resolution, clearance) / g.resolution)
-    labels, number = ndimage.label(free, np.ones((3, 3), np.int8))
+    labels, number = regions_of(free)
     if not number:
         raise _fits_nowhere(footprint, "on this map", "check robot_radius or footprint, and the thresholds of the map")
     sizes = np.bincount(labels.ravel())

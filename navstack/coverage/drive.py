@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from navstack.behaviors import DriveToPose, InvalidMotionError, MotionCollisionError, MotionTimeoutError
 from navstack.core import LETHAL, Costmap, NavError, Path, Pose2D, RobotState, Transform2D, Twist2D
+from navstack.coverage.area import distance_to
 from navstack.coverage.errors import CoverageError, InvalidModeError
 from navstack.coverage.field import Field, as_geojson
 from navstack.coverage.measure import CoverageFigures, figures_of, left_in, visits_of
@@ -29,7 +29,7 @@ WAIT_S: Final = 2.0
 """Time for which an obstacle on the way may move away before the rest is planned anew (s)."""
 MOST_PLANS: Final = 60
 """Plans of one drive, at most."""
-SAME_CELLS: Final = 2
+SAME_CELLS: Final = 2.9
 """An obstacle within so many cells of a known one is that one."""
 UNSEEN_M: Final = 0.15
 """An obstacle that the map does not contain is grown by this (m): the robot sees its front, but drives along its sides."""
@@ -191,9 +191,12 @@ class CoverageDrive(Behavior[CoverageParams]):
         if points is None or works is None:
             points, works = self.driven()
         visits = visits_of(plan.area, points, works)
-        planned = visits_of(plan.area, *plan.line())
+        line, at_work = plan.line()
+        planned = visits_of(plan.area, line, at_work)
         least = 0.1 * plan.area.operation_width**2
-        left = left_in(plan.area, visits, planned=planned, blocked=self._blocked, least_m2=least)
+        left = left_in(
+            plan.area, visits, planned=planned, blocked=self._blocked, ahead=self._to_drive(), least_m2=least
+        )
         duration = self.track[-1][0] - self.track[0][0] if self.track else 0.0
         return {
             "plan": plan.figures.as_dict(),
@@ -210,7 +213,18 @@ class CoverageDrive(Behavior[CoverageParams]):
         points, _ = plan.line()
         steps = np.diff(points, axis=0, append=points[-1:])
         self.reference = Path(np.column_stack((points, np.arctan2(steps[:, 1], steps[:, 0]))), self.frame)
-        self.target = Pose2D(*points[-1].tolist(), 0.0)
+        self.target = Pose2D(float(points[-1, 0]), float(points[-1, 1]), 0.0)
+
+    def _to_drive(self) -> NDArray[np.int32] | None:
+        """Return the visits of the legs that are not driven; None after the last one."""
+        assert self.plan is not None
+        legs = self._legs[self._next :]
+        if not legs:
+            return None
+        begin = self.track[-1][1:3] if self.track else legs[0][:2]
+        points = np.array([begin, *(leg[:2] for leg in legs)])
+        works = np.array([*(leg[2] for leg in legs), False])
+        return visits_of(self.plan.area, points, works)
 
     # --- planning and obstacles ---------------------------------------------------------------------------------------
 
@@ -286,12 +300,10 @@ class CoverageDrive(Behavior[CoverageParams]):
             iy = np.floor((points[:, 1] - g.origin_y) / g.resolution).astype(np.int64)
             inside = (ix >= 0) & (iy >= 0) & (ix < g.nx) & (iy < g.ny)
             lethal[iy[inside], ix[inside]] = True
-        walls = ndimage.binary_dilation(known.data == LETHAL, np.ones((3, 3), np.bool_), iterations=SAME_CELLS)
         data = known.data.copy()
-        seen = lethal & ~walls
+        seen = lethal & (distance_to(known.data == LETHAL) > SAME_CELLS)
         if seen.any():
-            away = ndimage.distance_transform_edt(~seen) * known.geometry.resolution
-            data[away <= UNSEEN_M] = LETHAL
+            data[distance_to(seen) * known.geometry.resolution <= UNSEEN_M] = LETHAL
         return Costmap(known.geometry, data, known.frame)
 
     def _local_to_map(self, context: BehaviorContext) -> Transform2D:

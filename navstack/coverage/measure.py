@@ -7,11 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from navstack.core import angle_between
 from navstack.coverage._kernels import sweep
-from navstack.coverage.area import Area
+from navstack.coverage.area import Area, regions_of
 
 LEFT: Final = -1e12
 """Distance (cells) at which the tool was last over a cell that it has not met."""
@@ -19,6 +18,7 @@ REASONS: Final = (
     "a pass would repeat more than it covers",
     "the tool passed beside it",
     "an obstacle was in the way",
+    "the drive ended before it came there",
 )
 """Why a part stays uncovered."""
 TURN_RAD: Final = 0.35
@@ -119,15 +119,18 @@ def left_in(
     *,
     planned: NDArray[np.int32] | None = None,
     blocked: NDArray[np.bool_] | None = None,
+    ahead: NDArray[np.int32] | None = None,
     least_m2: float = 0.0,
 ) -> list[LeftPart]:
     """Return what `visits` leave of the reachable area, the largest part first, with the reason of most of its cells.
 
     `planned`: the visits of the plan that was driven. `blocked` (as `area.reachable`): where an obstacle, which the map does not
-    contain, was in the way. Parts below `least_m2` (m²) are left out.
+    contain, was in the way. `ahead`: the visits of what was still to be driven. Parts below `least_m2` (m²) are left out.
     """
+    from scipy import ndimage
+
     left = area.reachable & (visits == 0)
-    labels, number = ndimage.label(left, np.ones((3, 3), np.int8))
+    labels, number = regions_of(left)
     if not number:
         return []
     kinds = np.zeros(left.shape, np.int8)
@@ -135,6 +138,8 @@ def left_in(
         kinds[planned > 0] = 1
     if blocked is not None:
         kinds[blocked] = 2
+    if ahead is not None:
+        kinds[ahead > 0] = 3
     parts: list[LeftPart] = []
     for k, window in enumerate(ndimage.find_objects(labels), 1):
         inside = labels[window] == k
@@ -143,7 +148,7 @@ def left_in(
             continue
         ys, xs = np.nonzero(inside)
         middle = len(ys) // 2
-        kind = int(np.bincount(kinds[window][inside], minlength=3).argmax())
+        kind = int(np.bincount(kinds[window][inside], minlength=4).argmax())
         x, y = area.grid.cell_to_world(window[1].start + int(xs[middle]), window[0].start + int(ys[middle]))
         parts.append(LeftPart(x, y, size, REASONS[kind]))
     return sorted(parts, key=lambda part: (-part.area_m2, part.x, part.y))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import heapq
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from navstack.core import Costmap, Footprint, Pose2D, clean_frame, require_finite_pose
 from navstack.coverage._kernels import FAR, STRAIGHT, flood, is_clear, shortened, way_back
@@ -90,14 +90,12 @@ class CoveragePlan:
 
     @property
     def tight(self) -> int:
-        """Number of turns and ways that are no curve of the turning radius; 0 does not matter to a base that turns in place."""
+        """Number of turns and ways that are not curves of the turning radius; a base that turns in place needs no curves."""
         return sum(not segment.works and not segment.curved for segment in self.segments)
 
     def line(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return all points (n, 2) (m), and whether the tool works from each to the next one."""
-        points = np.concatenate([s.points for s in self.segments]) if self.segments else np.zeros((0, 2))
-        works = [np.append(np.full(len(s.points) - 1, s.works), False) for s in self.segments]
-        return points, np.concatenate(works) if works else np.zeros(0, np.bool_)
+        return _line_of(self.segments)
 
 
 def plan_coverage(
@@ -163,23 +161,28 @@ def plan_in(
     passes = [*headland, *swaths]
     _leave_out(passes, canvas, LEAST_GAIN, params.min_coverage)
     clock.lap("selection")
-    units = [*_lines(headland, area), *_chains(swaths, area, params)]
+    ways = _Ways(area.passable)
+    units = [*_lines(headland, area), *_chains(swaths, area, params, ways)]
     if not units:
         raise NothingToCoverError("the tool reaches nothing that could be covered", reachable_m2=area.reachable_m2)
-    segments = _joined(units, area, clock) if params.generate_route else [s for unit in units for s in unit.ways[0]]
+    segments = (
+        _joined(units, area, ways, clock) if params.generate_route else [s for unit in units for s in unit.ways[0]]
+    )
     if params.min_turning_radius > 0.0:
         segments = _curved(segments, area, params)
     if not params.generate_path or not params.generate_route:
         segments = [segment for segment in segments if segment.works]
-    plan = CoveragePlan(area, tuple(segments), _none(area), angle, clock.laps)
-    points, works = plan.line()
+    points, works = _line_of(segments)
     figures = figures_of(area, points, works)
     clock.lap("figures")
     return CoveragePlan(area, tuple(segments), figures, angle, clock.laps)
 
 
-def _none(area: Area) -> CoverageFigures:
-    return CoverageFigures(area.reachable_m2, 0.0, 0.0, 0.0, 0.0, 0)
+def _line_of(segments: Sequence[Segment]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    if not segments:
+        return np.zeros((0, 2)), np.zeros(0, np.bool_)
+    works = [np.append(np.full(len(s.points) - 1, s.works), False) for s in segments]
+    return np.concatenate([s.points for s in segments]), np.concatenate(works)
 
 
 # --- passes -----------------------------------------------------------------------------------------------------------
@@ -236,9 +239,11 @@ def _swaths(
     width = area.operation_width / area.grid.resolution
     needed = area.reachable & (canvas.passes == 0)
     if narrow > 0.0:
+        from scipy import ndimage
+
         radius = max(1, round(0.5 * narrow * width))
         y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]
-        needed = ndimage.binary_opening(needed, x * x + y * y <= radius * radius)
+        needed = np.asarray(ndimage.binary_opening(needed, x * x + y * y <= radius * radius), np.bool_)
     mode = params.swath_mode
     fixed = mode.mode == "SET_ANGLE"
     if angle is None:
@@ -348,7 +353,7 @@ def _around(parts: list[Segment]) -> list[list[Segment]]:
     return ways
 
 
-def _chains(passes: list[Pass], area: Area, params: CoverageParams) -> list[Unit]:
+def _chains(passes: list[Pass], area: Area, params: CoverageParams, around: _Ways) -> list[Unit]:
     """Units of the swaths of a cell, joined by turns in the order of the route mode."""
     units: list[Unit] = []
     by_cell: dict[int, list[Pass]] = {}
@@ -364,7 +369,7 @@ def _chains(passes: list[Pass], area: Area, params: CoverageParams) -> list[Unit
                     lines = [
                         chain[k].points if (i + flip) % 2 == 0 else chain[k].points[::-1] for i, k in enumerate(rows)
                     ]
-                    ways.append(_with_turns(lines, number, area))
+                    ways.append(_with_turns(lines, number, area, around))
             units.append(Unit(ways))
     return units
 
@@ -382,11 +387,11 @@ def _connected(swaths: list[Pass], area: Area) -> list[list[Pass]]:
     return chains
 
 
-def _with_turns(lines: list[NDArray[np.float64]], cell: int, area: Area) -> list[Segment]:
+def _with_turns(lines: list[NDArray[np.float64]], cell: int, area: Area, ways: _Ways) -> list[Segment]:
     segments: list[Segment] = []
     for line in lines:
         if segments:
-            way = way_between(area, segments[-1].points[-1], line[0])
+            way = ways.between(area, segments[-1].points[-1], line[0])
             segments.append(Segment("turn", way, False, cell))
         segments.append(Segment("swath", line, True, cell))
     return segments
@@ -405,7 +410,7 @@ def _curved(segments: list[Segment], area: Area, params: CoverageParams) -> list
             continue
         before, after = segments[k - 1].points[-2:], segments[k + 1].points[:2]
         ends = [
-            Pose2D(*at.tolist(), math.atan2(b[1] - a[1], b[0] - a[0]))
+            Pose2D(float(at[0]), float(at[1]), math.atan2(b[1] - a[1], b[0] - a[0]))
             for at, (a, b) in ((before[1], before), (after[0], after))
         ]
         curve = make(ends[0], ends[1], params.min_turning_radius)
@@ -420,7 +425,7 @@ def _curved(segments: list[Segment], area: Area, params: CoverageParams) -> list
 
 
 class _Ways:
-    """Distances and ways between points of an area, around its obstacles."""
+    """Distances and ways around the obstacles of a grid of free centers."""
 
     def __init__(self, free: NDArray[np.bool_]) -> None:
         self.free = free
@@ -433,27 +438,19 @@ class _Ways:
         flood(self.free, source, target, self._distance, self._after, self._before)
         return self._distance
 
-
-_LAST_WAYS: list[_Ways] = []
-
-
-def way_between(area: Area, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a way (n, 2) (m) between two points around the obstacles: straight where it is free."""
-    ends = area.to_cells(np.array((a, b)))
-    if is_clear(area.passable, *ends[0].tolist(), *ends[1].tolist()):
-        return np.array((a, b))
-    if not _LAST_WAYS or _LAST_WAYS[0].free is not area.passable:
-        _LAST_WAYS[:] = [_Ways(area.passable)]
-    nx = area.geometry.nx
-    cells = [_cell_of(area.passable, end) for end in ends]
-    source, target = (iy * nx + ix for ix, iy in cells)
-    distance = _LAST_WAYS[0].flood(source, target)
-    if distance[target] >= FAR:
-        raise NothingToCoverError("two passes are not connected", start=a.tolist(), end=b.tolist())
-    way = way_back(area.passable, distance, target).astype(np.float64)
-    way = np.concatenate((ends[:1], way, ends[1:]))
-    kept = shortened(area.passable, way, math.inf)
-    return area.to_world(way[kept])
+    def between(self, area: Area, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a way (n, 2) (m) between two points: straight where that is free. `area` has this grid."""
+        ends = area.to_cells(np.array((a, b)))
+        if is_clear(self.free, *ends[0].tolist(), *ends[1].tolist()):
+            return np.array((a, b))
+        nx = self.free.shape[1]
+        source, target = (iy * nx + ix for ix, iy in (_cell_of(self.free, end) for end in ends))
+        distance = self.flood(source, target)
+        if distance[target] >= FAR:
+            raise NothingToCoverError("two passes are not connected", start=a.tolist(), end=b.tolist())
+        way = way_back(self.free, distance, target).astype(np.float64)
+        way = np.concatenate((ends[:1], way, ends[1:]))
+        return area.to_world(way[shortened(self.free, way, math.inf)])
 
 
 def _cell_of(free: NDArray[np.bool_], point: NDArray[np.float64]) -> tuple[int, int]:
@@ -465,7 +462,7 @@ def _cell_of(free: NDArray[np.bool_], point: NDArray[np.float64]) -> tuple[int, 
     return min(inside, key=lambda c: (c[0] - x) ** 2 + (c[1] - y) ** 2)
 
 
-def _joined(units: list[Unit], area: Area, clock: _Clock) -> list[Segment]:
+def _joined(units: list[Unit], area: Area, ways: _Ways, clock: _Clock) -> list[Segment]:
     """Return the segments of the units in the order of a short tour, with the ways between them."""
     ix, iy = nearest_free(area.passable, area.geometry, area.start)
     begin = np.array(area.geometry.cell_to_world(ix, iy))
@@ -483,11 +480,11 @@ def _joined(units: list[Unit], area: Area, clock: _Clock) -> list[Segment]:
         lengths = [sum(s.length for s in way) for way in unit.ways]
         ends = [unit.ends(k) for k in range(len(unit.ways))]
         choices.append([Choice(site(a), site(b), length) for (a, b), length in zip(ends, lengths)])
-    ways = _Ways(coarse)
+    blocks = _Ways(coarse)
     cells = np.array([v * coarse.shape[1] + u for u, v in sites])
     distances = np.empty((len(cells), len(cells)))
     for k, cell in enumerate(cells.tolist()):
-        distances[k] = ways.flood(cell)[cells]
+        distances[k] = blocks.flood(cell)[cells]
     distances *= factor * area.geometry.resolution / STRAIGHT
     clock.lap("distances")
     tour = best_tour(choices, distances, start)
@@ -497,7 +494,7 @@ def _joined(units: list[Unit], area: Area, clock: _Clock) -> list[Segment]:
     for unit, way in tour:
         parts = units[unit].ways[way]
         if math.dist(at, parts[0].points[0]) > 1e-6:
-            segments.append(Segment("travel", way_between(area, at, parts[0].points[0]), False))
+            segments.append(Segment("travel", ways.between(area, at, parts[0].points[0]), False))
         segments += parts
         at = parts[-1].points[-1]
     clock.lap("ways")
@@ -508,4 +505,5 @@ def _coarse(free: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
     """Return a coarser grid: a cell is free if one of its `factor` x `factor` cells is."""
     ny, nx = free.shape
     padded = np.pad(free, ((0, -ny % factor), (0, -nx % factor)))
-    return padded.reshape(padded.shape[0] // factor, factor, -1, factor).any(axis=(1, 3))
+    blocks = padded.reshape(padded.shape[0] // factor, factor, -1, factor)
+    return np.asarray(blocks.any(axis=(1, 3)), np.bool_)

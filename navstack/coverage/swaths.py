@@ -13,12 +13,10 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from contourpy import contour_generator
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from navstack.coverage._kernels import is_clear, rows_across, shortened, stamp
-from navstack.coverage.area import Area
+from navstack.coverage.area import Area, distance_to
 
 BORDER_LEVEL: Final = 0.999
 """Distance (cells) from the first center that is not free: just outside the outermost free centers."""
@@ -80,7 +78,9 @@ class Canvas:
 
 def headland_lines(area: Area, number: int, spacing: float) -> list[NDArray[np.float64]]:
     """Return closed lines (n, 2) (m) along the border of the free positions, `number` of them `spacing` (m) apart."""
-    inside = ndimage.distance_transform_edt(np.pad(area.free, 1))
+    from contourpy import contour_generator
+
+    inside = distance_to(~np.pad(area.free, 1))
     generator = contour_generator(z=inside)
     lines: list[NDArray[np.float64]] = []
     for k in range(number):

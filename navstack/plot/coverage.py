@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import OccupancyGrid, Pose2D
+from navstack.core import OccupancyGrid
 from navstack.coverage import CoveragePlan, visits_of
 from navstack.plot import canvas, colors, drawing
 from navstack.plot.picture import Entries, Picture, area_of_grid, occupancy_legend, shaped, swatch
@@ -56,7 +56,7 @@ def plot_coverage(
             entries += _draw_stretches(axes, points, at_work)
         else:
             entries += _draw_segments(axes, plan)
-        drawing.draw_marks(axes, [drawing.Mark(_start(plan), "S", colors.START)], picture.points_per_m)
+        drawing.draw_marks(axes, [drawing.Mark(plan.area.start, "S", colors.START)], picture.points_per_m)
         picture.legend(entries + occupancy_legend(grid))
         return picture.finish(path, dpi)
 
@@ -66,10 +66,6 @@ def known_cells(grid: OccupancyGrid, plan: CoveragePlan) -> NDArray[np.bool_]:
     factor = plan.area.grid.nx // grid.geometry.nx
     known = np.repeat(np.repeat(grid.data != -1, factor, axis=0), factor, axis=1)
     return known if known.shape == plan.area.grid.shape else np.ones(plan.area.grid.shape, np.bool_)
-
-
-def _start(plan: CoveragePlan) -> Pose2D:
-    return plan.area.start
 
 
 def _draw_cells(axes: Axes, plan: CoveragePlan, visits: NDArray[np.int32], grid: OccupancyGrid) -> Entries:

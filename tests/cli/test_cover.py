@@ -51,6 +51,7 @@ def test_a_polygon_is_driven_and_explained(tmp_path: Path, room: Path, capfd: py
     assert len(json.loads(capfd.readouterr().out)["coverage"]) == 1
 
 
+@pytest.mark.slow
 def test_a_fixed_angle_and_a_start_that_is_chosen(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     from navstack.map_io import load_map, map_path, save_map
 
@@ -75,6 +76,8 @@ def test_a_fixed_angle_and_a_start_that_is_chosen(tmp_path: Path, capfd: pytest.
         (["--start", "90,90"], "the start (90.00, 90.00) is"),
         (["--set", "global_costmap/robot_radius=9.0"], "fits nowhere on this map; check robot_radius"),
         (["--clearance", "9"], "fits nowhere on this map"),
+        (["--clearance", "1e9"], "clearance is 1000000000.0: input should be less than or equal to 10"),
+        (["--params", "car_rpp", "--drive"], "cannot turn in place"),
     ],
 )
 def test_wrong_input_is_one_message(

@@ -12,7 +12,7 @@ from navstack.core import OccupancyGrid, Pose2D
 from navstack.coverage import CoverageDrive
 from navstack.explain import explain_coverage
 from navstack.parameters import load_configuration
-from navstack.scenario import RunResult, Scenario, load_scenario, run_scenario, write_scenario
+from navstack.scenario import RunResult, Scenario, load_places, load_scenario, run_scenario, step_text, write_scenario
 from navstack.scenario.run import Run
 from navstack.scenario.steps import read_step
 
@@ -116,6 +116,13 @@ def test_a_scenario_file_has_the_step(tmp_path: Any) -> None:
     wrong.write_text(file.read_text(encoding="utf-8").replace("operation_width", "operation_with"), encoding="utf-8")
     with pytest.raises(Exception, match=r'wrong.yaml:5:\d+.*step 1: coverage has no field "operation_with"'):
         load_scenario(wrong)
+
+
+def test_a_tour_has_the_step(tmp_path: Any) -> None:
+    file = tmp_path / "rounds.places.yaml"
+    file.write_text("places: {a: [1, 7.4, 0]}\nstart: a\ngoals: [a, {cover: all}]\n", encoding="utf-8")
+    steps = load_places(file).steps
+    assert [step_text(step) for step in steps] == ["a", "cover all"]
 
 
 def test_a_car_is_refused() -> None:

@@ -148,7 +148,7 @@ def test_turns_of_a_base_with_a_turning_radius_are_curves() -> None:
 def test_stages_can_be_left_out() -> None:
     costmap = room(6.0, 4.0)
     for values in ({"generate_path": False}, {"generate_route": False}):
-        plan = plan_of(costmap, **values)
+        plan = plan_of(costmap, None, **values)
         assert all(segment.works for segment in plan.segments)
         with pytest.raises(InvalidModeError, match="needs generate_route and generate_path"):
             CoverageDrive(read_params(values))
@@ -209,6 +209,15 @@ def test_left_parts_have_a_place_and_a_reason() -> None:
     part[window] = 1
     blocked[area.reachable] = True
     assert "obstacle" in left_in(area, part, planned=planned, blocked=blocked)[0].reason
+
+
+def test_what_was_not_driven_yet_is_said() -> None:
+    area = make_area(room(6.0, 4.0), ROBOT, Pose2D(1.0, 2.0, 0.0), 0.3)
+    line = np.array([(1.0, 2.0), (4.0, 2.0)])
+    ahead = visits_of(area, line, np.array([True, False]))
+    other = np.where(ahead > 0, 0, 1).astype(np.int32)
+    (part,) = left_in(area, other, planned=ahead, ahead=ahead)
+    assert part.reason == "the drive ended before it came there"
 
 
 def test_a_tour_of_points_on_a_line_is_driven_in_one_direction() -> None:
