@@ -275,7 +275,8 @@ class _Translator:
         """Note the nodes whose parameters are only checked."""
         idle = [n for n, audit in self.audits.items() if not audit.runs and exists(n, self.distro)]
         if idle:
-            message = f"navstack does not run {', '.join(idle)}: their parameters are checked, but they set nothing"
+            whose = "its" if len(idle) == 1 else "their"
+            message = f"navstack does not run {', '.join(idle)}: {whose} parameters are checked, but they set nothing"
             self._add("info", "nav2-not-run", self.nodes.nodes[idle[0]].at, idle[0], message)
 
     def _behavior_tree(self) -> None:
