@@ -232,8 +232,13 @@ def _read_yaml(path: Path) -> _Yaml:
         inside = sorted(p.name for p in path.glob("*.yaml"))[:5]
         hint = f"; pass {path / inside[0]}" if inside else "; pass the YAML file of the map"
         raise MapError(f"{path} is a folder, not the YAML file of a map{hint}", file=str(path)) from None
-    except UnicodeDecodeError:
-        raise MapError(f"{path} is not a text file; pass the YAML file of the map", file=str(path)) from None
+    except UnicodeDecodeError as exc:
+        if b"\0" in exc.object or b"image" not in exc.object:
+            raise MapError(f"{path} is not a text file; pass the YAML file of the map", file=str(path)) from None
+        line = exc.object.count(b"\n", 0, exc.start) + 1
+        raise MapError(
+            f"{path}:{line}: the byte 0x{exc.object[exc.start]:02x} is not UTF-8; save the file as UTF-8", file=str(path)
+        ) from None
     except OSError as exc:
         raise MapError(f"cannot read the map {path}: {exc.strerror or exc}", file=str(path)) from exc
     root, findings = parse_value(text, str(path))

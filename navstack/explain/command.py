@@ -521,12 +521,9 @@ def _last_search(record: Record, time: float) -> float:
     searches = [*record.local_plan_times.tolist(), *(event.time for event in record.events_of("control_failed"))]
     before = [t for t in searches if t <= time + 1e-9]
     if not before:
-        if not searches:
-            raise RecordError(
-                "the local planner computed no command in this run, so there is none to explain; navstack explain goal shows why",
-                time=time,
-            )
-        first = f"the first is at {min(searches):.3f} s; give a later --time"
+        first = "the local planner computed none in this run; navstack explain goal shows why"
+        if searches:
+            first = f"the first is at {min(searches):.3f} s; give a later --time"
         raise RecordError(f"no command was computed until {time:.3f} s; {first}", time=time)
     return max(before)
 

@@ -126,6 +126,9 @@ def test_binary_instead_of_text(folder: Path) -> None:
     path = folder / "map.yaml"
     path.write_bytes(b"\xff\xfe\x00\x01\x02" * 10)
     assert "not a text file" in error_of(path)
+    # a text of another encoding is one
+    path.write_bytes(b"# map\nimage: map.pgm  # Geb\xe4ude\n")
+    assert error_of(path).endswith(":2: the byte 0xe4 is not UTF-8; save the file as UTF-8")
 
 
 def test_truncated_images(folder: Path) -> None:

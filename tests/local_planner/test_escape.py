@@ -188,3 +188,24 @@ def test_a_straight_corridor_gives_a_straight_path(heading: float) -> None:
     assert max(off) <= (0.026 if heading == 0.0 else 0.1)
     changes = sum(a * b < 0.0 for a, b in pairwise(turns))
     assert changes <= 6
+
+
+def test_an_escape_may_not_overlap_more_than_where_it_began() -> None:
+    """A scale of the footprint chosen anew in each cycle let the robot creep into a wall beside its way."""
+
+    large = Footprint(2.0 * BOX.vertices)
+
+    def with_wall(robot: TrajectoryPlanner, *lethal: tuple[float, float]) -> str:
+        inputs = ControlInput(RobotState(Pose2D(0.0, 0.0), Twist2D()), costmap(*lethal), large)
+        return robot.compute_command(inputs).mode
+
+    slightly, deeply = ([(x, y) for y in np.arange(-0.5, 0.5, 0.04)] for x in (0.37, 0.32))
+    robot = planner(escape_vel=-0.3)
+    assert with_wall(robot, *slightly) == "escape"
+    with pytest.raises(NoValidControlError, match="lethal"):
+        with_wall(robot, *deeply)
+    # a robot that overlaps it from the start may leave, and so may one that was free in between
+    assert with_wall(planner(escape_vel=-0.3), *deeply) == "escape"
+    while with_wall(robot) == "escape":
+        pass
+    assert with_wall(robot, *deeply) == "escape"

@@ -283,8 +283,13 @@ def test_a_run_and_its_record_know_whether_the_costmap_had_what_the_robot_touche
     run = Run(replace(scenario_of(NEAR), start=start))
     run.step()
     obey = run.robot.command
-    # a base that drives something else: backward, where its camera does not see, or ahead
-    monkeypatch.setattr(run.robot, "command", lambda twist: obey(Twist2D(speed, 0.0, 0.0)))
+
+    def disobey(twist: Twist2D) -> None:
+        """Drive something else: backward, where the camera does not see, or ahead."""
+        del twist
+        obey(Twist2D(speed, 0.0, 0.0))
+
+    monkeypatch.setattr(run.robot, "command", disobey)
     while not run.robot.collisions and run.robot.time < 20.0:
         run.step()
     run.step()

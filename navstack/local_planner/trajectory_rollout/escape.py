@@ -159,6 +159,8 @@ class Escape:
         self._distance = distance
         self._start: Pose2D | None = None
         self._last_start: Pose2D | None = None
+        self.scale = 0.0
+        """Largest scale of the footprint that was free since the robot began to overlap obstacles: no smaller one will do."""
 
     @property
     def active(self) -> bool:
@@ -189,10 +191,16 @@ class Escape:
     def reset(self) -> None:
         """Reset the last escape: the next one leads the shortest distance."""
         self._last_start = None
+        self.scale = 0.0
 
 
-def free_backup_points(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
-    """Points of the last rollout, which backs up, that come no nearer to an obstacle than the robot is; 0 if they do.
+def free_backup_points(
+    context: ScoringContext, rollouts: Rollouts, distance: float, smallest: float = 0.0
+) -> tuple[int, float]:
+    """Points of the last rollout, which backs up, that come no nearer to an obstacle than the robot is, and the free scale.
+
+    No points if they do come nearer, or if only a scale below `smallest` is free: a scale chosen anew in each cycle would let
+    the robot creep into the obstacle.
 
     ROS differs: C++ backs up without a check. Here the footprint may overlap lethal cells (it is padded, and cells are
     coarse), but scaled down until its outline is free at the current pose, the outline must stay free for `distance` (m) and
@@ -214,12 +222,14 @@ def free_backup_points(context: ScoringContext, rollouts: Rollouts, distance: fl
         cost = perimeter_cost(context.costmap.data, g.origin_x, g.origin_y, g.resolution, vertices, x, y, yaw, scale)
         return bool(cost >= 0)
 
-    scale = next((scale for scale in FOOTPRINT_SCALES if is_free(poses[0], scale)), None)
-    if scale is None:
-        return 0
     # a point that slides along the footprint's edge may fall into either of two cells
-    scale -= 0.5 * g.resolution / max(context.footprint.inscribed_radius, g.resolution)
-    return len(poses) if all(is_free(pose, scale) for pose in poses) else 0
+    half = 0.5 * g.resolution / max(context.footprint.inscribed_radius, g.resolution)
+    tried = (scale for scale in FOOTPRINT_SCALES if scale >= smallest - half)
+    scale = next((scale for scale in tried if is_free(poses[0], scale)), None)
+    if scale is None:
+        return 0, smallest
+    reached = max(scale, smallest)
+    return len(poses) if all(is_free(pose, reached - half) for pose in poses) else 0, reached
 
 
 # --- kernels --------------------------------------------------------------------------------------------------------

@@ -563,6 +563,8 @@ class TrajectoryPlanner(SamplingPlanner):
         if self._flags.moved(state.pose, p.oscillation_reset_dist):
             self._flags.clear()
         self._escape.end_when_done(state.pose)
+        if best >= 0 and candidates.legal(best):
+            self._escape.scale = 0.0  # the whole footprint is free
         command = Twist2D(*candidates.samples[best].tolist()) if best >= 0 else Twist2D()
         t = candidates.table
         chosen = ScoreTable(t.costs, t.scales, t.totals, t.rejected_by, best)
@@ -633,7 +635,7 @@ class TrajectoryPlanner(SamplingPlanner):
         if candidates.legal(last) or not self.additions.check:
             points = int(rollouts.counts[last])
         else:
-            points = free_backup_points(context, rollouts, p.escape_reset_dist)
+            points, self._escape.scale = free_backup_points(context, rollouts, p.escape_reset_dist, self._escape.scale)
         if not points:
             self._escape.stop()  # the next cycle considers all samples again
             return candidates, -1

@@ -288,10 +288,8 @@ class _Translator:
         """Note the nodes whose parameters are only checked."""
         idle = [n for n, a in self.audits.items() if not (a.runs or n == "bt_navigator") and exists(n, self.distro)]
         if idle:
-            what = "its parameters are checked, but they set nothing"
-            if len(idle) > 1:
-                what = "their parameters are checked, but they set nothing"
-            message = f"navstack does not run {', '.join(idle)}: {what}"
+            whose = "its" if len(idle) == 1 else "their"
+            message = f"navstack does not run {', '.join(idle)}: {whose} parameters are checked, but they set nothing"
             self._add("info", "nav2-not-run", self.nodes.nodes[idle[0]].at, idle[0], message)
 
     def _behavior_tree(self) -> None:
