@@ -11,8 +11,8 @@ from navstack.core import Footprint, InputError, NavError, Transform2D, Window
 from navstack.costmap import LayeredCostmap, StaticLayer, VoxelLayer
 from navstack.move_base import Schedule
 from navstack.ros1 import ros
-from navstack.ros1.node import Inbox, NodeClock
 from navstack.ros_messages import MessageBuilder
+from navstack.ros_node import Inbox, NodeClock
 
 # --- what changes a costmap by topics: a new footprint, and updates of the map ----------------------------------------
 
