@@ -1,0 +1,1 @@
+"""ROS 2 nodes: Nav2's interface around the goal manager, and the simulated robot."""
