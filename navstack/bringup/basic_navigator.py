@@ -8,7 +8,6 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any, Final, NoReturn
 
 import numpy as np
@@ -23,6 +22,7 @@ from navstack.behaviors import (
     SpinParams,
 )
 from navstack.bringup.build import build_move_base, simulated_robot
+from navstack.bringup.pose_sequence import NO_ERROR, PASSED_RADIUS_M, PoseSequence, TargetPose, TaskResult
 from navstack.core import (
     Bounds,
     Costmap,
@@ -42,8 +42,6 @@ from navstack.map_io import load_map
 from navstack.move_base import (
     EPSILON_S,
     GoalCanceledError,
-    GoalHandle,
-    GoalStatus,
     MoveBase,
     NoProgressError,
     OscillationChecker,
@@ -71,18 +69,6 @@ _LOG = logging.getLogger("navstack.basic_navigator")
 
 POLL_S: Final = 0.1
 """Time that `isTaskComplete` advances (s), as in Nav2."""
-PASSED_RADIUS_M: Final = 0.7
-"""Distance at which an intermediate pose counts as passed (Nav2's RemovePassedGoals)."""
-NO_ERROR: Final = (0, "")
-
-
-class TaskResult(Enum):
-    """Result of a task, with Nav2's numbers."""
-
-    UNKNOWN = 0
-    SUCCEEDED = 1
-    CANCELED = 2
-    FAILED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +130,7 @@ class FollowPath(Behavior):
             distance, timeout = params.oscillation_distance, params.oscillation_timeout
             raise NoProgressError(f"the robot moved less than {distance:g} m in {timeout:g} s", pose=state.pose)
         try:
+            self._limiter.external = self._move_base.speed_limit
             if self._limiter.is_needed:
                 self._limiter.apply(now, slowed=False)
             command = call(planner, planner.compute_command, inputs, check=checked_local_plan).command
@@ -413,19 +400,12 @@ class BasicNavigator(NavigatorServices):
         `place` initializes the robot's localization with a pose (global frame), for `setInitialPose`.
         """
         self.move_base = move_base
-        self.missed_waypoints: list[int] = []
-        """Indices of the waypoints that the last followWaypoints did not reach."""
         self._advance = advance
         self._place = place
         self._now = advance(0.0)
         self._started_at = self._now
-        self._poses: tuple[Pose2D, ...] = ()
-        self._frame: str | None = None
-        self._index = 0
-        self._through = False
-        self._stop_on_failure = True
-        self._handle: GoalHandle | None = None
-        self._past_recoveries = 0
+        self._drive: PoseSequence | None = None
+        """The current or last drive; None for a behavior."""
         self._runner = BehaviorRunner(Schedule, call)
         self._remaining = 0.0
         self._result: TaskResult | None = TaskResult.UNKNOWN
@@ -546,14 +526,20 @@ class BasicNavigator(NavigatorServices):
         """Cancel the current task and wait for its end, at most one control cycle."""
         if self._runner.running is not None:
             self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behavior was canceled"))
-        elif self._handle is not None and not self._handle.is_done:
-            self.move_base.cancel_goal(self._handle)
+        elif self._drive is not None and not self._drive.handle.is_done:
+            handle = self._drive.handle
+            self._drive.cancel()
             self._result = TaskResult.CANCELED
-            while not self._handle.is_done:
+            while not handle.is_done:
                 self._tick(self._now + POLL_S)
-            self._error = (self._handle.result.error_code, self._handle.result.message)
+            self._error = (handle.result.error_code, handle.result.message)
 
     # --- progress -----------------------------------------------------------------------------------------------------
+
+    @property
+    def missed_waypoints(self) -> list[int]:
+        """Indices of the waypoints that the last followWaypoints did not reach."""
+        return [] if self._drive is None else [missed.index for missed in self._drive.missed]
 
     def isTaskComplete(self) -> bool:
         """Advance by POLL_S or until the task ends; return True after its end, and without a task."""
@@ -567,24 +553,12 @@ class BasicNavigator(NavigatorServices):
         if self._result is not None:
             return None
         spent = self._now - self._started_at
-        if self._runner.running is not None:
+        drive = self._drive
+        if drive is None or self._runner.running is not None:
             return TaskFeedback(self._robot_pose(), self._remaining, spent, None, 0, 0, 0)
-        now = self.move_base.feedback
-        left = now.distance_remaining
-        for a, b in zip(self._poses[self._index :], self._poses[self._index + 1 :]):
-            left += a.distance_to(b)
-        pace = None
-        if now.estimated_time_remaining is not None and now.distance_remaining > 0.0:
-            pace = now.estimated_time_remaining / now.distance_remaining
-        return TaskFeedback(
-            now.pose,
-            left,
-            spent,
-            pace * left if pace is not None else None,
-            self._past_recoveries + now.recoveries,
-            len(self._poses) - self._index,
-            self._index,
-        )
+        now, (left, time_left) = self.move_base.feedback, drive.remaining()
+        recoveries = drive.past_recoveries + now.recoveries
+        return TaskFeedback(now.pose, left, spent, time_left, recoveries, len(drive.targets) - drive.index, drive.index)
 
     def getResult(self) -> TaskResult:
         """Return the result of the last task; UNKNOWN before its end and before the first task."""
@@ -597,13 +571,9 @@ class BasicNavigator(NavigatorServices):
             raise InputError("the list of poses is empty; give at least one")
         if self._runner.running is not None:
             self.cancelTask()
-        self._poses, self._frame = poses, frame
-        self._through, self._stop_on_failure = through, stop_on_failure
-        self._index = 0
-        self._past_recoveries = 0
-        self.missed_waypoints = []
         self._start_task()
-        self._handle = self.move_base.send_goal(poses[0], frame)
+        targets = [TargetPose(pose, frame) for pose in poses]
+        self._drive = PoseSequence(self.move_base, targets, through=through, stop_on_failure=stop_on_failure)
         return True
 
     def _robot_pose(self) -> Pose2D | None:
@@ -630,46 +600,17 @@ class BasicNavigator(NavigatorServices):
             self._check_goal()
 
     def _check_goal(self) -> None:
-        """Send the next pose once the robot has reached or passed the current one."""
-        handle = self._handle
-        assert handle is not None
-        last = self._index + 1 == len(self._poses)
-        if not handle.is_done:
-            if self._through and not last and self._has_passed(handle):
-                self._past_recoveries += self.move_base.feedback.recoveries
-                self._next_pose()
-            return
-        result = handle.result
-        if handle.status is GoalStatus.PREEMPTED or handle.status is GoalStatus.RECALLED:
-            self._result = TaskResult.CANCELED
-            self._error = (result.error_code, result.message or handle.text)
-            return
-        self._past_recoveries += result.recoveries
-        if handle.status is not GoalStatus.SUCCEEDED:
-            self.missed_waypoints.append(self._index)
-            self._error = (result.error_code, result.message or handle.text)
-            if self._through or self._stop_on_failure:
-                self._result = TaskResult.FAILED
-                return
-        if last:
-            self._result = TaskResult.FAILED if self.missed_waypoints else TaskResult.SUCCEEDED
-        else:
-            self._next_pose()
-
-    def _has_passed(self, handle: GoalHandle) -> bool:
-        move_base = self.move_base
-        robot, goal = move_base.robot_pose, move_base.goal_pose
-        if move_base.goal_handle is not handle or robot is None or goal is None:
-            return False
-        return robot.distance_to(goal) <= PASSED_RADIUS_M
-
-    def _next_pose(self) -> None:
-        self._index += 1
-        self._handle = self.move_base.send_goal(self._poses[self._index], self._frame)
+        """Go on to the next pose, or note the end."""
+        drive = self._drive
+        assert drive is not None
+        drive.update()
+        self._result = drive.result
+        if drive.error is not NO_ERROR:
+            self._error = drive.error
 
     def _run_behavior(self, behavior: Behavior) -> bool:
         self.cancelTask()
-        self._poses, self._handle = (), None
+        self._drive = None
         context = self.move_base.recovery_context
         call(behavior, behavior.check, context)
         # update the costmaps, which may be as old as the last task

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 
 from navstack.cli import options
 from navstack.cli.lazy_group import Command
+from navstack.cli.output import print_warnings
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import InputError
+from navstack.ros2.lifecycle import managed_node
+from navstack.ros2.navigator import Navigator
+from navstack.ros2.parameters import load
 from navstack.ros2.ros import RosNode
 from navstack.ros2.sim_node import SimNode
+from navstack.ros_node import RecordFolder
 
 app = typer.Typer(
     name="ros2",
@@ -50,6 +56,43 @@ def arguments_of(context: typer.Context) -> list[str]:
     if context.args:
         raise InputError(f"{' '.join(context.args)} is not an option; arguments of ROS follow {ROS_ARGS}")
     return list(context.meta["ros"])
+
+
+@app.command("navigator", cls=NodeCommand, context_settings=NODE)
+def navigator(
+    context: typer.Context,
+    params: options.Params = [],
+    set_: options.Set = [],
+    distro: options.Distro = None,
+    record: Annotated[
+        Path | None,
+        typer.Option("--record", metavar="FOLDER", help="Record the cycles there, in pieces for `plot` and `explain`."),
+    ] = None,
+    record_limit: Annotated[
+        float, typer.Option("--record-limit", metavar="MB", help="Delete the oldest pieces beyond this size.", min=1.0)
+    ] = 500.0,
+    name: Name = "navigator",
+) -> int:
+    """Run a node in place of Nav2's servers: their actions, topics, services and life cycle.
+
+    `--params` takes files of navstack, of move_base and of Nav2 (nav2_params.yaml); parameters that ROS gives to the node overlay
+    them. Names and namespaces follow as for every node: `--ros-args -r __ns:=/robot1 -r cmd_vel:=base/cmd_vel`. Exit codes: 0 shut
+    down, 2 invalid input.
+    """
+    arguments = arguments_of(context)
+    running: list[Navigator] = []
+
+    def change(transition: str) -> None:
+        for one in running:
+            one.change_state(transition)
+
+    node = RosNode(name, arguments, cls=managed_node(change))
+    configuration = load(node, params, set_, distro=distro)
+    print_warnings(configuration)
+    node.start()
+    running.append(Navigator(configuration, node, None if record is None else RecordFolder(record, record_limit)))
+    running[0].spin()
+    return 0
 
 
 @app.command("sim", cls=NodeCommand, context_settings=NODE)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from navstack.core import NavError
 from navstack.ros2 import ros
 from navstack.ros2.ros import RosNode
 from navstack.ros_node import Inbox
@@ -24,21 +23,14 @@ def offer_state(node: RosNode, inbox: Inbox, name: str, state: Callable[[], tupl
     node.serve(f"{name}/get_state", "lifecycle_msgs/srv/GetState", inbox, answer)
 
 
-def managed_node(inbox: Inbox, change: Callable[[str], None]) -> Callable[..., Any]:
-    """Return what makes a node with rclpy's life cycle; `change` gets each transition, in the thread of the node.
-
-    A NavError of `change` lets the transition fail, with a line in the log.
-    """
+def managed_node(change: Callable[[str], None]) -> Callable[..., Any]:
+    """Return what makes a node with rclpy's life cycle; `change` gets each transition, in the thread of rclpy, and returns at once."""
     base = ros.load("rclpy.lifecycle").LifecycleNode
     outcome = ros.load("rclpy.lifecycle").TransitionCallbackReturn
 
     class Managed(base):  # type: ignore[misc,valid-type]
         def _apply(self, name: str) -> Any:
-            try:
-                inbox.call(lambda: change(name))
-            except (NavError, TimeoutError) as exc:
-                self.get_logger().error(f"{name}: {exc}")
-                return outcome.FAILURE
+            change(name)
             return outcome.SUCCESS
 
         def on_configure(self, state: Any) -> Any:

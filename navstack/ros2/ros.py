@@ -65,7 +65,7 @@ def message(name: str) -> Any:
     package, kind, short = name.split("/")
     found = getattr(load(f"{package}.{kind}"), short, None)
     if found is None:
-        raise NotSupportedError(f"this distribution of ROS 2 has no {name}", message=name)
+        raise NotSupportedError(f"this distribution of ROS 2 has no {name}", type=name)
     return found
 
 

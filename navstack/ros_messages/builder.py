@@ -112,6 +112,10 @@ class MessageBuilder:
             angular=self.vector(0.0, 0.0, twist.wz),
         )
 
+    def twist_stamped(self, time_ns: int, frame: str, twist: Twist2D) -> Any:
+        """Return a velocity with a header."""
+        return self.of("geometry_msgs/msg/TwistStamped", header=self.header(time_ns, frame), twist=self.twist(twist))
+
     def odometry(
         self,
         time_ns: int,

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from navstack.ros_node.clock import NodeClock as NodeClock
+    from navstack.ros_node.costmap_inputs import use_footprint as use_footprint
+    from navstack.ros_node.costmap_inputs import use_map_update as use_map_update
     from navstack.ros_node.inbox import Inbox as Inbox
     from navstack.ros_node.live_record import RecordFolder as RecordFolder
     from navstack.ros_node.log import Log as Log
