@@ -76,7 +76,7 @@ def navigator(
     """Run a node in place of Nav2's servers: their actions, topics, services and life cycle.
 
     `--params` takes files of navstack, of move_base and of Nav2 (nav2_params.yaml); parameters that ROS gives to the node overlay
-    them. Names and namespaces follow as for every node: `--ros-args -r __ns:=/robot1 -r cmd_vel:=base/cmd_vel`. Exit codes: 0 shut
+    them. Names and namespaces as for every node: `--ros-args -r __ns:=/robot1 -r cmd_vel:=base/cmd_vel`. Exit codes: 0 shut
     down, 2 invalid input.
     """
     arguments = arguments_of(context)

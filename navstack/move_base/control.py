@@ -242,8 +242,8 @@ class SpeedLimiter:
         """A limit (m/s) from outside, as Nav2's topic speed_limit sets it; None without one."""
         self._planner = planner
         self._costmaps = [costmap for costmap in costmaps if costmap.limits_speed]
-        limits = limits_of(planner) if self._costmaps else None
-        self._full_speed = 0.0 if limits is None else full_speed(limits)
+        self._full_speed = full_speed(limits_of(planner)) if self._costmaps else -1.0
+        """Of the planner without a limit (m/s); negative before it is needed."""
 
     @property
     def is_needed(self) -> bool:
@@ -272,6 +272,8 @@ class SpeedLimiter:
         call(planner, lambda: planner.set_limits(max_vel_trans=max_vel_trans, max_vel_theta=max_vel_theta))
 
     def _lowest(self, now: float) -> float | None:
+        if self._full_speed < 0.0:  # no limit has been set yet
+            self._full_speed = full_speed(limits_of(self._planner))
         lowest = math.inf if self.external is None else self.external
         for costmap in self._costmaps:
             pose = call(costmap, costmap.robot_pose, now, check=checked_pose)

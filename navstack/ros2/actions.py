@@ -60,15 +60,18 @@ class Server:
             tasks.inbox.post(lambda: tasks.cancel(found))
             return cancel.ACCEPT
 
-        self._server = Deferring(
-            tasks.node.handle,
-            self.kind,
-            name,
-            execute_callback=_unused,
-            goal_callback=on_goal,
-            handle_accepted_callback=self._on_accepted,
-            cancel_callback=on_cancel,
-        )
+        def make_server() -> Any:
+            return Deferring(
+                tasks.node.handle,
+                self.kind,
+                name,
+                execute_callback=_unused,
+                goal_callback=on_goal,
+                handle_accepted_callback=self._on_accepted,
+                cancel_callback=on_cancel,
+            )
+
+        self._server = tasks.node.create(make_server)
 
     def _on_accepted(self, handle: Any) -> None:
         handle.execute()

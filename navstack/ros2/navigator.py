@@ -196,10 +196,8 @@ class Navigator(StackNode):
         server("compute_path_to_pose", "ComputePathToPose", PlanTask, **works)
         server("compute_path_through_poses", "ComputePathThroughPoses", PlanThroughTask, **works)
         server("smooth_path", "SmoothPath", SmoothTask, **works)
-        action = ros.load("rclpy.action")
-        self._own_goals = action.ActionClient(
-            self.node.handle, ros.message("nav2_msgs/action/NavigateToPose"), "navigate_to_pose"
-        )
+        client, kind = ros.load("rclpy.action").ActionClient, ros.message("nav2_msgs/action/NavigateToPose")
+        self._own_goals = self.node.create(lambda: client(self.node.handle, kind, "navigate_to_pose"))
 
     def _submit(self, work: Callable[[], Any]) -> Any:
         future = self.tasks.pool.submit(work)

@@ -9,6 +9,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from typing import Any, Final
 
 import numpy as np
@@ -22,6 +23,8 @@ MESSAGES: Final = "install its package (sudo apt install ros-$ROS_DISTRO-{}) and
 FLUSH_S: Final = 0.2
 """Time for the last messages to leave (s, wall)."""
 CLOCK_POLL_S: Final = 0.02
+CREATE_S: Final = 60.0
+"""Longest wait for the thread of rclpy (s, wall)."""
 ORDER: Final = ("humble", "iron", "jazzy", "kilted", "lyrical")
 """Distributions of ROS 2, oldest first."""
 _CODES: Final = {
@@ -223,7 +226,7 @@ class RosNode:
         self.build = MessageBuilder(MessageTypes(), ros1=False)
         self.stop = threading.Event()
         """Set when the process was asked to end."""
-        self._executor = load("rclpy.executors").SingleThreadedExecutor()
+        self._executor = _executor()
         self._executor.add_node(self.handle)
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
         self._kept: list[Any] = []
@@ -250,6 +253,21 @@ class RosNode:
                 if not rclpy.ok():
                     return
                 self.log.logerr("a callback failed: %s: %s", type(exc).__name__, exc)
+
+    def create(self, make: Callable[[], Any]) -> Any:
+        """Return what `make` creates, in the thread of rclpy if it runs: it must not meet half of an entity."""
+        if not self._thread.is_alive() or threading.current_thread() is self._thread:
+            return make()
+        done: Future[Any] = Future()
+
+        def run() -> None:
+            try:
+                done.set_result(make())
+            except BaseException as exc:  # the caller's thread raises it again
+                done.set_exception(exc)
+
+        self.later(run)
+        return done.result(CREATE_S)
 
     def later(self, action: Callable[[], Any]) -> None:
         """Run something in the thread of rclpy: what the action servers of rclpy hold is changed there only."""
@@ -298,8 +316,8 @@ class RosNode:
         self, topic: str, kind: str, *, depth: int = 1, latched: bool = False, reliable: bool = True
     ) -> Publisher:
         """Create a publisher; with `latched` late subscribers get the last messages (transient local)."""
-        made = self.handle.create_publisher(message(kind), topic, qos(depth, latched=latched, reliable=reliable))
-        return Publisher(made)
+        cls, profile = message(kind), qos(depth, latched=latched, reliable=reliable)
+        return Publisher(self.create(lambda: self.handle.create_publisher(cls, topic, profile)))
 
     def subscribe(
         self,
@@ -312,8 +330,8 @@ class RosNode:
         reliable: bool = True,
     ) -> None:
         """Call `receive` with each message, in the thread of rclpy: a poster of the inbox."""
-        profile = qos(depth, latched=latched, reliable=reliable)
-        self._kept.append(self.handle.create_subscription(message(kind), topic, receive, profile))
+        cls, profile = message(kind), qos(depth, latched=latched, reliable=reliable)
+        self._kept.append(self.create(lambda: self.handle.create_subscription(cls, topic, receive, profile)))
 
     def serve(self, name: str, kind: str, inbox: Inbox, handle: Callable[[Any, Any], None]) -> None:
         """Offer a service: `handle(request, response)` fills the response, in the thread of the node."""
@@ -327,11 +345,20 @@ class RosNode:
                 self.log.logerr("%s: %s", name, exc)
             return response
 
-        self._kept.append(self.handle.create_service(message(kind), name, answer))
+        cls = message(kind)
+        self._kept.append(self.create(lambda: self.handle.create_service(cls, name, answer)))
 
     def resolved(self, topic: str) -> str:
         """Return the full name of a topic, after namespace and remappings."""
         return str(self.handle.resolve_topic_name(topic))
+
+
+def _executor() -> Any:
+    """Return rclpy's executor that waits in C++, where there is one: the other takes four times the processor time."""
+    try:
+        return importlib.import_module("rclpy.experimental").EventsExecutor()
+    except (ImportError, AttributeError):
+        return load("rclpy.executors").SingleThreadedExecutor()
 
 
 def qos(depth: int, *, latched: bool = False, reliable: bool = True) -> Any:

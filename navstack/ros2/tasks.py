@@ -65,6 +65,8 @@ class Codes(NamedTuple):
     def of(self, error: NavError) -> int:
         """Return the number of an error."""
         code = error.code
+        if self.first == 300 and 200 <= code < 210:
+            code += 100  # a planner's codes are those of ComputePathToPose
         if code in range(self.first, self.first + 10):
             return code
         if isinstance(error, FrameError):
@@ -366,8 +368,9 @@ class MotionTask(Task):
 
     def fill(self, result: Any, now: float) -> None:
         """Fill the time that the motion took."""
-        if hasattr(result, "total_elapsed_time"):
-            result.total_elapsed_time = duration(self.build, now - self.started_at)
+        handle = self.handle
+        if hasattr(result, "total_elapsed_time") and handle is not None and handle.ended_at is not None:
+            result.total_elapsed_time = duration(self.build, handle.ended_at - handle.sent_at)
 
 
 class SpinTask(MotionTask):
