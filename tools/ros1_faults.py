@@ -100,7 +100,7 @@ def broken_for_good(topic: str, mode: str, limit_s: float) -> Callable[[Rig], Ou
         stopped, end = rest_after(rig, at), last_result(rig, at)
         rig.request("mode", topic=topic, mode="pass")
         rig.run_for(1.0)
-        return Outcome(stopped, limit_s, rig.warnings(at), end, stopped <= limit_s and end.startswith("4"))
+        return Outcome(stopped, limit_s, rig.warnings(at), end, stopped <= limit_s and end.startswith(rig.aborted))
 
     return fault
 
@@ -198,7 +198,7 @@ def sim_killed(rig: Rig) -> Outcome:
     mark = len(rig.take())
     rig.wait(lambda e: e["what"] == "result", "the end of the goal", 30.0, since=mark)
     stopped, end = rest_after(rig, at, "cmd"), last_result(rig, at)
-    return Outcome(stopped, 1.0, rig.warnings(at), end, stopped <= 1.0 and end.startswith("4"))
+    return Outcome(stopped, 1.0, rig.warnings(at), end, stopped <= 1.0 and end.startswith(rig.aborted))
 
 
 def node_killed(rig: Rig) -> Outcome:
@@ -238,7 +238,7 @@ def same_name(rig: Rig) -> Outcome:
     rig.request("cancel")
     rig.run_for(1.5)
     rig.node = second
-    right = stopped <= 1.2 and end.startswith("4") and second.poll() is None and len(lines) == 1
+    right = stopped <= 1.2 and end.startswith(rig.aborted) and second.poll() is None and len(lines) == 1
     return Outcome(stopped, 1.2, lines, end + "; the second node drives", right)
 
 

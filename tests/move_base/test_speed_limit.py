@@ -30,6 +30,6 @@ def test_a_limit_from_outside() -> None:
             speeds.append(move_base.command.vx)
         assert handle.status is GoalStatus.SUCCEEDED
         fastest.append(max(speeds))
-    assert fastest[0] <= 0.2 + 1e-9 and fastest[1] > 0.4 and fastest[2] > 0.4
+    assert fastest[0] <= 0.2 + 1e-6 and fastest[1] > 0.4 and fastest[2] > 0.4
     with pytest.raises(InputError, match="speed limit"):
         move_base.limit_speed(math.nan)

@@ -134,5 +134,3 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
         yield graph
     finally:
         graph.close()
-
-

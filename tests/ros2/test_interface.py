@@ -196,7 +196,12 @@ def test_topics_and_late_joiners(office: Graph) -> None:
     assert topics["/amcl_pose"] == ["geometry_msgs/msg/PoseWithCovarianceStamped", "R", "T"]
     assert topics["/particle_cloud"] == ["nav2_msgs/msg/ParticleCloud", "B", "V"]
     assert all(count == 1 for count in found["subscribed"].values()), found["subscribed"]
-    for name in ("/global_costmap/clear_entirely_global_costmap", "/is_path_valid", "/navigator/change_state", "/bt_navigator/get_state"):
+    for name in (
+        "/global_costmap/clear_entirely_global_costmap",
+        "/is_path_valid",
+        "/navigator/change_state",
+        "/bt_navigator/get_state",
+    ):
         assert name in found["services"]
     assert {"/map_server/load_map", "/amcl/get_state"} <= set(found["sim services"])
     assert found["map"][2:] == ["map", True] and found["costmap"] == [True, "map", True, 100]
