@@ -4,7 +4,8 @@
     python tools/ros2_faults.py tf scan    # some of them
 
 The graph is real (rclpy of Kilted, `tools/install_ros2.sh`): `navstack ros2 sim`, `navstack ros2 navigator`, and a probe between
-them. Faults are those of `tools/ros1_faults.py`, but for those of the ROS master. Exit code 1 if one ends otherwise than it should.
+them. Faults are those of `tools/ros1_faults.py`, but for those of the ROS master. Exit code 1 if one ends
+otherwise than it should.
 """
 
 from __future__ import annotations

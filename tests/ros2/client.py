@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from pathlib import Path
 
 import rclpy
 from rclpy.action import ActionClient
@@ -108,6 +109,5 @@ def robot():
 
 def finish(found):
     """Write what was found."""
-    with open(sys.argv[1], "w") as out:
-        json.dump(found, out)
+    Path(sys.argv[1]).write_text(json.dumps(found))
     rclpy.try_shutdown()

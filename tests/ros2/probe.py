@@ -1,6 +1,7 @@
-"""A node of ROS 2 for tests: it passes the robot's topics on to the navigator, breaks them on request, and reports what it hears.
+"""A node of ROS 2 for tests: it passes the robot's topics on, breaks them on request, and reports what it hears.
 
-Commands arrive as JSON lines on stdin, events leave as JSON lines on stdout, as of the probe of ROS 1; `t` is `time.monotonic` (s).
+Commands arrive as JSON lines on stdin, events leave as JSON lines on stdout, as of the probe of ROS 1.
+The key `t` is `time.monotonic` (s).
 """
 
 from __future__ import annotations

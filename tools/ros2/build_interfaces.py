@@ -1,7 +1,7 @@
 """Generates and compiles ROS 2 interfaces with the generators of rosidl and gcc: `build_interfaces.py DISTRO DEFINITIONS OUT`.
 
-Run by the Python of an environment of `tools/ros2_environment.py`; no ROS installation, ament or cmake is needed. OUT gets `lib/` and
-`lib/python3.x/site-packages/`.
+Run by the Python of an environment of `tools/ros2_environment.py`; no ROS installation, ament or cmake is needed. OUT
+gets `lib/` and `lib/python3.x/site-packages/`.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SOURCES = {
 def read_definitions(file: Path, distro: str) -> dict[str, dict[str, str]]:
     """Return the text of each interface by package and path (`action/Spin.action`).
 
-    A section begins with `== PACKAGE/KIND/NAME`, or with `== PACKAGE/KIND/NAME DISTRO` for one that differs between distributions.
+    A section begins with `== PACKAGE/KIND/NAME`, or with `== PACKAGE/KIND/NAME DISTRO` for one that differs.
     """
     found: dict[str, dict[str, str]] = {}
     for part in file.read_text().split("== ")[1:]:
