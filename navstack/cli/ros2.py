@@ -12,11 +12,7 @@ from navstack.cli.lazy_group import Command
 from navstack.cli.output import print_warnings
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import InputError
-from navstack.ros2.lifecycle import managed_node
-from navstack.ros2.navigator import Navigator
-from navstack.ros2.parameters import load
-from navstack.ros2.ros import RosNode
-from navstack.ros2.sim_node import SimNode
+from navstack.ros2 import Navigator, RosNode, SimNode, load, managed_node
 from navstack.ros_node import RecordFolder
 
 app = typer.Typer(

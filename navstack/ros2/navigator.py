@@ -10,8 +10,7 @@ import numpy as np
 
 from navstack.core import Event, InputError, Path, Pose2D, Transform2D, Twist2D
 from navstack.global_planner import SmoothedPlanner
-from navstack.move_base import MoveBase, ThreadPlanning, TickResult
-from navstack.move_base.control import full_speed
+from navstack.move_base import MoveBase, ThreadPlanning, TickResult, full_speed
 from navstack.parameters import Configuration
 from navstack.plugins import SMOOTHERS, limits_of
 from navstack.replay import sensor_topics

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import pytest
 
-from tests.ros1.conftest import wait_for
+from tests.ros1.conftest import paced, wait_for
 from tools.ros2_environment import Environment, environment
 
 WANTED: Final = os.environ.get("NAVSTACK_ROS2_TESTS") == "1"
@@ -126,10 +126,10 @@ def graph(tmp_path: Path) -> Iterator[Graph]:
 
 @pytest.fixture(scope="module")
 def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """The packaged turtlebot in the office, with the navigator, at twice the speed."""
+    """The packaged turtlebot in the office, with the navigator, at up to twice the speed."""
     graph = Graph(tmp_path_factory.mktemp("ros2"), number=101 + os.getpid() % 100)
     try:
-        graph.start_sim("office", "--clock", "--speed", "2")
+        graph.start_sim("office", "--clock", "--speed", paced(2))
         graph.start_navigator("--params", "turtlebot")
         yield graph
     finally:

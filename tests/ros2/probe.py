@@ -26,7 +26,8 @@ LEVELS = {30: 4, 40: 8}
 class Probe:
     """Relays `raw/scan`, `raw/odom`, `raw/tf`, `raw/clock` and `raw/map`; `modes` says how."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, relays: bool) -> None:
+        """Without `relays`, only goals are sent, and their results, the clock, the truth and log lines reported."""
         self.node = node = RosNode("probe", [])
         self.modes = {"scan": "pass", "odom": "pass", "tf": "pass", "clock": "pass"}
         self._lock = threading.Lock()
@@ -35,6 +36,22 @@ class Probe:
         self._now_ns = 0
         self._map: Any = None
         self._handle: Any = None
+        self.out: dict[str, Any] = {}
+        if relays:
+            self._relay()
+        else:
+            node.subscribe("/clock", CLOCK, self._note_clock, depth=10)
+        node.subscribe("cmd_vel", msg.TWIST_STAMPED, self._command, depth=50)
+        node.subscribe("base_pose_ground_truth", msg.ODOMETRY, self._truth, depth=50)
+        node.subscribe("/rosout", LOG, self._log, depth=1000, latched=True)
+        kind = ros.message("nav2_msgs/action/NavigateToPose")
+        self._kind = kind
+        self._client = ros.load("rclpy.action").ActionClient(node.handle, kind, "navigate_to_pose")
+        node.start()
+        self.report("ready")
+
+    def _relay(self) -> None:
+        node = self.node
         self.out = {
             "scan": node.publisher("scan", msg.SCAN, depth=10, reliable=False),
             "odom": node.publisher("odom", msg.ODOMETRY, depth=10),
@@ -47,14 +64,9 @@ class Probe:
         node.subscribe("/raw/tf", TF, self._transforms, depth=100)
         node.subscribe("/raw/clock", CLOCK, self._clock, depth=10)
         node.subscribe("raw/map", msg.MAP, self._on_map, latched=True)
-        node.subscribe("cmd_vel", msg.TWIST_STAMPED, self._command, depth=50)
-        node.subscribe("base_pose_ground_truth", msg.ODOMETRY, self._truth, depth=50)
-        node.subscribe("/rosout", LOG, self._log, depth=1000, latched=True)
-        kind = ros.message("nav2_msgs/action/NavigateToPose")
-        self._kind = kind
-        self._client = ros.load("rclpy.action").ActionClient(node.handle, kind, "navigate_to_pose")
-        node.start()
-        self.report("ready")
+
+    def _note_clock(self, message: Any) -> None:
+        self._now_ns = time_ns(message.clock)
 
     def report(self, what: str, **data: Any) -> None:
         """Write an event: what was heard or done, and when."""
@@ -196,7 +208,7 @@ class Probe:
 
 def main() -> None:
     """Obey until stdin ends."""
-    probe = Probe()
+    probe = Probe(relays="--results" not in sys.argv)
     for line in sys.stdin:
         probe.obey(json.loads(line))
     probe.node.shut_down(lambda: None)

@@ -25,17 +25,21 @@ class Rig2(Rig):
     node_name = "/navigator"
     graph: Any
 
-    def __init__(self, folder: Path, number: int | None = None) -> None:
+    def __init__(self, folder: Path, number: int | None = None, *, clocked: bool = True) -> None:
+        """With `clocked` the simulated robot publishes the clock, else all use that of the system."""
+        self._clocked = clocked
         self.ros2 = Graph(folder, number=number)
         super().__init__(self.ros2)  # type: ignore[arg-type]
 
     def start_sim(self, *arguments: str, relayed: bool = True) -> None:
-        """Start the simulated robot, by default behind the probe, with a clock: the navigator uses that."""
-        self.sim = self.ros2.start_sim(*arguments, ros=RELAYED if relayed else ())
+        """Start the simulated robot, by default behind the probe."""
+        clock = ("--clock",) if self._clocked else ()
+        self.sim = self.ros2.start_sim(*arguments, *clock, ros=RELAYED if relayed else ())
 
     def start_node(self, *arguments: str) -> subprocess.Popen[bytes]:
         """Start the navigator, and wait until it is ready."""
-        node = self.node = self.ros2.navstack("navigator", *arguments, "--ros-args", "-p", "use_sim_time:=true")
+        clock = f"use_sim_time:={'true' if self._clocked else 'false'}"
+        node = self.node = self.ros2.navstack("navigator", *arguments, "--ros-args", "-p", clock)
         wait_for(
             lambda: "navstack is ready" in self.ros2.log_of(node) or node.poll() is not None,
             "the start of the navigator",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.ros1.conftest import paced
 from tests.ros2.conftest import Graph, new_environment
 
 GO = """
@@ -53,7 +54,7 @@ def test_jazzy(tmp_path: Path) -> None:
     """The navigator and the simulator run with Jazzy: Twist, poses in a list; clients of Kilted drive them."""
     graph = Graph(tmp_path, "jazzy")
     try:
-        graph.start_sim("office", "--clock", "--speed", "2")
+        graph.start_sim("office", "--clock", "--speed", paced(2))
         graph.start_navigator("--params", "turtlebot")
         assert graph.ask(DISTRO)["cmd_vel"] == "geometry_msgs/msg/Twist"
         found = graph.ask(GO, "2.0", of=new_environment("kilted"))
