@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -33,7 +34,8 @@ class TargetPose(NamedTuple):
     """A quaternion (x, y, z, w), whose heading replaces that of the pose."""
 
 
-class MissedPose(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class MissedPose:
     """A pose that was not reached."""
 
     index: int

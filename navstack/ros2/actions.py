@@ -1,7 +1,7 @@
 """The action servers of the navigator: goals of clients become tasks, one for the robot at a time.
 
-Goals arrive in the thread of rclpy and are driven in the thread of the node. The state of a goal is changed in the thread of rclpy
-only, which also answers the requests for it.
+Goals arrive in the thread of rclpy and are driven in the thread of the node. The state of a goal is changed only in the thread of
+rclpy, which also answers the requests for it.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ def offer_state(node: RosNode, inbox: Inbox, name: str, state: Callable[[], tupl
 
 
 def managed_node(change: Callable[[str], None]) -> Callable[..., Any]:
-    """Return what makes a node with rclpy's life cycle; `change` gets each transition, in the thread of rclpy, and returns at once."""
+    """Return what makes a node with rclpy's life cycle; `change` gets each transition in the thread of rclpy."""
     base = ros.load("rclpy.lifecycle").LifecycleNode
     outcome = ros.load("rclpy.lifecycle").TransitionCallbackReturn
 

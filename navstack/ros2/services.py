@@ -46,7 +46,7 @@ class Services:
         node.serve("is_path_valid", "nav2_msgs/srv/IsPathValid", inbox, self._validate)
 
     def _clear(self, costmap: LayeredCostmap, begin: str, request: Any, response: Any) -> None:
-        names = list(getattr(request, "plugins", ()))
+        names = [str(name) for name in getattr(request, "plugins", ())]
         if begin == "clear_entirely_" and not names:
             call(costmap, costmap.reset)
         else:
