@@ -21,7 +21,7 @@ from navstack.ros2.parameters import LiveParameters
 from navstack.ros2.ros import RosNode, value_of
 from navstack.ros2.services import Services
 from navstack.ros2.tasks import Task
-from navstack.ros2.topics import CostmapTopics, PlanTopics
+from navstack.ros2.topics import CostmapTopics, Diagnostics, PlanTopics
 from navstack.ros_messages import messages as msg
 from navstack.ros_node import (
     MOST_ODOMETRY,
@@ -54,6 +54,8 @@ class Navigator(StackNode):
     def __init__(self, configuration: Configuration, node: RosNode, record: RecordFolder | None = None) -> None:
         """`node` has been started. Raises InputError for wrong parameters."""
         self.node, handle = node, node.handle
+        self._wanted: bool | None = None
+        """What the last transition of the life cycle says; None before the first one."""
         self._autostart = value_of(handle, "autostart", True, "true or false")
         self._stop_on_failure = value_of(handle, "stop_on_failure", True, "true or false")
         odometry = value_of(handle, "odom_topic", "odom", "a text")
@@ -65,6 +67,7 @@ class Navigator(StackNode):
         self.tasks = Tasks(node, self.inbox, self.clock)
         self._costmaps: list[CostmapTopics] = []
         self._plans: PlanTopics | None = None
+        self._diagnostics: Diagnostics | None = None
         self._base = configuration.local_costmap.params.robot_base_frame
         self._subscribe(odometry)
 
@@ -112,10 +115,14 @@ class Navigator(StackNode):
         node, inbox = self.node, self.inbox
         self._full_speed = full_speed(limits_of(move_base.local_planner))
         self._plans = PlanTopics(node, self.clock)
+        if ros.has_module("diagnostic_msgs"):
+            self._diagnostics = Diagnostics(node, self.clock, self.robot, self.times)
         self._costmaps = [CostmapTopics(costmap, node, self.clock, inbox) for costmap in layered_costmaps(move_base)]
         Services(node, move_base, self.clock, inbox)
         self.parameters = LiveParameters(node, self.configuration, move_base, inbox)
         self.tasks.connect(move_base)
+        # a client may find an action before the transitions are through: its goal is not rejected
+        self.tasks.is_active = self._autostart if self._wanted is None else self._wanted
         goal_pose = inbox.poster(self._on_goal_pose, most=1)
         if ros.has_module("nav2_msgs"):
             self._serve_actions(move_base)
@@ -140,16 +147,16 @@ class Navigator(StackNode):
     def _activate(self) -> None:
         """Configure and activate this node, unless a manager has done so; in the thread of rclpy."""
         handle = self.node.handle
-        if not self.tasks.is_active:
+        if self._wanted is None:
             handle.trigger_configure()
             handle.trigger_activate()
 
     def change_state(self, transition: str) -> None:
         """Take a transition of the life cycle, in any thread."""
         if transition == "activate":
-            self.tasks.is_active = True
+            self._wanted = self.tasks.is_active = True
         elif transition in ("deactivate", "cleanup", "shutdown"):
-            self.tasks.is_active = False
+            self._wanted = self.tasks.is_active = False
             self.inbox.post(lambda: self._stop_all("the navigator was deactivated"))
         if transition == "shutdown":
             self.node.stop.set()
@@ -225,6 +232,11 @@ class Navigator(StackNode):
     def publish_state(self, move_base: MoveBase, now: float) -> None:
         """Publish feedback and results."""
         self.tasks.update(now)
+
+    def publish_rest(self, move_base: MoveBase, now: float) -> None:
+        """Publish the diagnostics."""
+        if self._diagnostics is not None:
+            self._diagnostics.publish(move_base, now)
 
     def on_event(self, event: Event) -> None:
         """Log events; every attempt to plan is published, one without a plan as an empty path."""

@@ -13,7 +13,7 @@ from navstack.move_base import MoveBase, Schedule, TickResult
 from navstack.ros2 import ros
 from navstack.ros2.ros import RosNode
 from navstack.ros_messages import MessageBuilder
-from navstack.ros_node import Inbox, NodeClock, use_footprint, use_map_update
+from navstack.ros_node import Inbox, LoopTimes, NodeClock, NodeState, RosRobot, use_footprint, use_map_update
 
 GRID, UPDATE = "nav_msgs/msg/OccupancyGrid", "map_msgs/msg/OccupancyGridUpdate"
 RAW, RAW_UPDATE = "nav2_msgs/msg/Costmap", "nav2_msgs/msg/CostmapUpdate"
@@ -111,6 +111,34 @@ def raw_update(build: MessageBuilder, stamp_ns: int, costmap: Costmap, window: W
         size_y=part.shape[0],
         data=np.ascontiguousarray(part).ravel(),
     )
+
+
+class Diagnostics:
+    """Publishes a diagnostic_msgs/DiagnosticArray once per second."""
+
+    def __init__(self, node: RosNode, clock: NodeClock, robot: RosRobot, times: LoopTimes) -> None:
+        self._build, self._clock = node.build, clock
+        self._state = NodeState(str(node.handle.get_fully_qualified_name()).removeprefix("/"), robot, times)
+        self._out = node.publisher("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", depth=10)
+
+    def publish(self, move_base: MoveBase, now: float) -> None:
+        """Publish if it is due."""
+        if not self._state.is_due() or not self._out.is_wanted:
+            return
+        of = self._build.of
+        parts = [
+            of(
+                "diagnostic_msgs/msg/DiagnosticStatus",
+                level=bytes([level]),
+                name=name,
+                message=text,
+                hardware_id="navstack",
+                values=[of("diagnostic_msgs/msg/KeyValue", key=k, value=str(v)) for k, v in values.items()],
+            )
+            for level, name, text, values in self._state.parts(move_base, now)
+        ]
+        header = self._build.header(self._clock.ns(now), "")
+        self._out.publish(of("diagnostic_msgs/msg/DiagnosticArray", header=header, status=parts))
 
 
 class PlanTopics:

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from navstack.ros_node.log import NodeLog as NodeLog
     from navstack.ros_node.log import line_of as line_of
     from navstack.ros_node.loop_times import LoopTimes as LoopTimes
+    from navstack.ros_node.node_state import OK as OK
+    from navstack.ros_node.node_state import WARN as WARN
+    from navstack.ros_node.node_state import NodeState as NodeState
     from navstack.ros_node.pace import ClockPace as ClockPace
     from navstack.ros_node.pace import Pace as Pace
     from navstack.ros_node.pace import WallPace as WallPace

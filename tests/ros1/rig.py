@@ -37,6 +37,7 @@ class Rig:
 
     aborted = "4"
     """Number of a goal that was aborted."""
+    reached = "3"
     node_name = "/move_base"
 
     def __init__(self, graph: Graph) -> None:

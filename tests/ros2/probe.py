@@ -44,6 +44,7 @@ class Probe:
         node.subscribe("cmd_vel", msg.TWIST_STAMPED, self._command, depth=50)
         node.subscribe("base_pose_ground_truth", msg.ODOMETRY, self._truth, depth=50)
         node.subscribe("/rosout", LOG, self._log, depth=1000, latched=True)
+        node.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", self._diagnostics, depth=5)
         kind = ros.message("nav2_msgs/action/NavigateToPose")
         self._kind = kind
         self._client = ros.load("rclpy.action").ActionClient(node.handle, kind, "navigate_to_pose")
@@ -136,6 +137,13 @@ class Probe:
 
     def _log(self, message: Any) -> None:
         self.report("log", level=LEVELS.get(int(message.level), 1), name=f"/{message.name}", text=message.msg)
+
+    def _diagnostics(self, message: Any) -> None:
+        found = {
+            part.name: {"level": ord(part.level), "message": part.message, **{v.key: v.value for v in part.values}}
+            for part in message.status
+        }
+        self.report("diagnostics", found=found)
 
     # --- commands -----------------------------------------------------------------------------------------------------
 

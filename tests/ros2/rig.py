@@ -22,6 +22,7 @@ class Rig2(Rig):
     """The programs of one run on ROS 2. Events of the probe are kept in `events`."""
 
     aborted = "6"
+    reached = "4"
     node_name = "/navigator"
     graph: Any
 
