@@ -1,9 +1,9 @@
 """Helpers of the scripts that `Graph.ask` runs as a client of rclpy; a file of their own, not a module of the tests."""
 
 import json
+import pathlib
 import sys
 import time
-from pathlib import Path
 
 import rclpy
 from rclpy.action import ActionClient
@@ -109,5 +109,5 @@ def robot():
 
 def finish(found):
     """Write what was found."""
-    Path(sys.argv[1]).write_text(json.dumps(found))
+    pathlib.Path(sys.argv[1]).write_text(json.dumps(found))
     rclpy.try_shutdown()
