@@ -41,6 +41,7 @@ def pytest_configure(config: pytest.Config) -> None:
 CI_PARTS = {
     "browser": "NAVSTACK_BROWSER_TESTS",
     "ros1": "NAVSTACK_ROS1_TESTS",
+    "ros2": "NAVSTACK_ROS2_TESTS",
 }
 """Folders of tests that need real programs, by the variable that runs them."""
 

@@ -100,7 +100,7 @@ def broken_for_good(topic: str, mode: str, limit_s: float) -> Callable[[Rig], Ou
         stopped, end = rest_after(rig, at), last_result(rig, at)
         rig.request("mode", topic=topic, mode="pass")
         rig.run_for(1.0)
-        return Outcome(stopped, limit_s, rig.warnings(at), end, stopped <= limit_s and end.startswith("4"))
+        return Outcome(stopped, limit_s, rig.warnings(at), end, stopped <= limit_s and end.startswith(rig.aborted))
 
     return fault
 
@@ -198,7 +198,7 @@ def sim_killed(rig: Rig) -> Outcome:
     mark = len(rig.take())
     rig.wait(lambda e: e["what"] == "result", "the end of the goal", 30.0, since=mark)
     stopped, end = rest_after(rig, at, "cmd"), last_result(rig, at)
-    return Outcome(stopped, 1.0, rig.warnings(at), end, stopped <= 1.0 and end.startswith("4"))
+    return Outcome(stopped, 1.0, rig.warnings(at), end, stopped <= 1.0 and end.startswith(rig.aborted))
 
 
 def node_killed(rig: Rig) -> Outcome:
@@ -238,7 +238,7 @@ def same_name(rig: Rig) -> Outcome:
     rig.request("cancel")
     rig.run_for(1.5)
     rig.node = second
-    right = stopped <= 1.2 and end.startswith("4") and second.poll() is None and len(lines) == 1
+    right = stopped <= 1.2 and end.startswith(rig.aborted) and second.poll() is None and len(lines) == 1
     return Outcome(stopped, 1.2, lines, end + "; the second node drives", right)
 
 
@@ -319,6 +319,21 @@ def rig_of(folder: Path, port: int, *sim: str) -> Rig:
     return rig
 
 
+def show(name: str, fault: Callable[[Rig], Outcome], rig: Rig) -> bool:
+    """Break the graph, print what happened, and return True if it is what should happen."""
+    try:
+        found = fault(rig)
+    except AssertionError as exc:
+        print(f"{name:28s} FAILED  {str(exc)[:3000]}", flush=True)
+        return False
+    limit = f"{found.stopped_s:5.2f} s (limit {found.limit_s:3.1f})" if found.limit_s else "-"
+    verdict = "ok" if found.is_right else "WRONG"
+    print(f"{name:28s} {verdict:6s} stopped after {limit:22s} {found.end}", flush=True)
+    for line in found.lines:
+        print(f"{'':36s}{line}", flush=True)
+    return found.is_right
+
+
 def run(faults: dict[str, Callable[[Rig], Outcome]], port: int, *sim: str) -> int:
     """Run faults one after the other on one graph; return the number that ended otherwise than they should."""
     wrong = 0
@@ -326,18 +341,7 @@ def run(faults: dict[str, Callable[[Rig], Outcome]], port: int, *sim: str) -> in
         rig = rig_of(Path(folder), port, *sim)
         try:
             for name, fault in faults.items():
-                try:
-                    found = fault(rig)
-                except AssertionError as exc:
-                    print(f"{name:28s} FAILED  {str(exc)[:3000]}", flush=True)
-                    wrong += 1
-                    continue
-                wrong += not found.is_right
-                limit = f"{found.stopped_s:5.2f} s (limit {found.limit_s:3.1f})" if found.limit_s else "-"
-                verdict = "ok" if found.is_right else "WRONG"
-                print(f"{name:28s} {verdict:6s} stopped after {limit:22s} {found.end}", flush=True)
-                for line in found.lines:
-                    print(f"{'':36s}{line}", flush=True)
+                wrong += not show(name, fault, rig)
         finally:
             rig.close()
             rig.graph.close()

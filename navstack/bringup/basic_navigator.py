@@ -8,7 +8,6 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any, Final, NoReturn
 
 import numpy as np
@@ -20,16 +19,14 @@ from navstack.behaviors import (
     BehaviorRunner,
     DriveOnHeading,
     DriveOnHeadingParams,
-    ExecutorFailedError,
-    MissedWaypointError,
     NoWaypointsError,
     Spin,
     SpinParams,
     WaypointExecutor,
     WaypointReport,
-    WaypointStatus,
 )
 from navstack.bringup.build import build_move_base, simulated_robot
+from navstack.bringup.pose_sequence import NO_ERROR, PASSED_RADIUS_M, PoseSequence, TargetPose, TaskResult
 from navstack.core import (
     Bounds,
     Costmap,
@@ -51,7 +48,6 @@ from navstack.map_io import load_map
 from navstack.move_base import (
     EPSILON_S,
     GoalCanceledError,
-    GoalHandle,
     GoalStatus,
     MoveBase,
     NoProgressError,
@@ -91,18 +87,6 @@ _LOG = logging.getLogger("navstack.basic_navigator")
 
 POLL_S: Final = 0.1
 """Time that `isTaskComplete` advances (s), as in Nav2."""
-PASSED_RADIUS_M: Final = 0.7
-"""Distance at which an intermediate pose counts as passed (Nav2's RemovePassedGoals)."""
-NO_ERROR: Final = (0, "")
-
-
-class TaskResult(Enum):
-    """Result of a task, with Nav2's numbers."""
-
-    UNKNOWN = 0
-    SUCCEEDED = 1
-    CANCELED = 2
-    FAILED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +148,7 @@ class FollowPath(Behavior):
             distance, timeout = params.oscillation_distance, params.oscillation_timeout
             raise NoProgressError(f"the robot moved less than {distance:g} m in {timeout:g} s", pose=state.pose)
         try:
+            self._limiter.external = self._move_base.speed_limit
             if self._limiter.is_needed:
                 self._limiter.apply(now, slowed=False)
             command = call(planner, planner.compute_command, inputs, check=checked_local_plan).command
@@ -470,31 +455,18 @@ class BasicNavigator(NavigatorServices):
         self.docks = docks or DockDatabase(DockingParams())
         """The docks that the robot knows."""
         self._task: DockTask | None = None
-        self.missed_waypoints: list[int] = []
-        """Indices of the waypoints that the last followWaypoints did not reach."""
         self.coverage: CoverageDrive | None = None
         """The last coverage task, with its plan and its figures."""
         self._advance = advance
         self._place = place
         self._now = advance(0.0)
         self._started_at = self._now
-        self._poses: tuple[Pose2D, ...] = ()
-        self._frame: str | None = None
-        self._index = 0
-        self._through = False
-        self._stop_on_failure = True
-        self._handle: GoalHandle | None = None
-        self._past_recoveries = 0
+        self._drive: PoseSequence | None = None
+        """The current or last drive; None for a behavior."""
         self._runner = BehaviorRunner(Schedule, call)
         self._remaining = 0.0
         self._router = None
         self._route_operations = []
-        self.waypoint_report: list[WaypointReport] = []
-        """How the waypoints of the last followWaypoints went, in the order in which they were driven to."""
-        self._executor: WaypointExecutor = NO_EXECUTOR
-        self._loop = self._loops = 0
-        self._set_out = 0.0
-        """When the robot set out for the current waypoint (s)."""
         self._result: TaskResult | None = TaskResult.UNKNOWN
         self._error: tuple[int, str] = NO_ERROR
 
@@ -566,9 +538,15 @@ class BasicNavigator(NavigatorServices):
         if not 0 <= goal_index < len(poses) or number_of_loops < 0:
             wrong = f"goal_index {goal_index} or number_of_loops {number_of_loops} is wrong"
             raise NoWaypointsError(f"{wrong}: waypoints are 0 to {len(poses) - 1}, loops 0 or more")
-        self._drive_to(tuple(poses), frame, through=False, stop_on_failure=stop_on_failure, begin=goal_index)
-        self._executor, self._loops = executor or NO_EXECUTOR, number_of_loops
-        return True
+        return self._drive_to(
+            tuple(poses),
+            frame,
+            through=False,
+            stop_on_failure=stop_on_failure,
+            first=goal_index,
+            loops=number_of_loops,
+            executor=executor or NO_EXECUTOR,
+        )
 
     def getAndTrackRoute(self, start: Pose2D | int, goal: Pose2D | int, use_start: bool = False) -> bool:
         """Drive along a route on the graph of `setRouteGraph`; `getRouteFeedback` has nodes and edges. Arguments of `getRoute`.
@@ -710,14 +688,25 @@ class BasicNavigator(NavigatorServices):
                 self._tick(self._now + POLL_S)
         elif self._runner.running is not None:
             self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behavior was canceled"))
-        elif self._handle is not None and not self._handle.is_done:
-            self.move_base.cancel_goal(self._handle)
+        elif self._drive is not None and not self._drive.handle.is_done:
+            handle = self._drive.handle
+            self._drive.cancel()
             self._result = TaskResult.CANCELED
-            while not self._handle.is_done:
+            while not handle.is_done:
                 self._tick(self._now + POLL_S)
-            self._error = (self._handle.result.error_code, self._handle.result.message)
+            self._error = (handle.result.error_code, handle.result.message)
 
     # --- progress -----------------------------------------------------------------------------------------------------
+
+    @property
+    def missed_waypoints(self) -> list[int]:
+        """Indices of the waypoints that the last followWaypoints did not reach."""
+        return [] if self._drive is None else [missed.waypoint_index for missed in self._drive.missed]
+
+    @property
+    def waypoint_report(self) -> list[WaypointReport]:
+        """How the waypoints of the last followWaypoints went, in the order in which they were driven to."""
+        return [] if self._drive is None else self._drive.reports
 
     def isTaskComplete(self) -> bool:
         """Advance by POLL_S or until the task ends; return True after its end, and without a task."""
@@ -733,24 +722,12 @@ class BasicNavigator(NavigatorServices):
         if self._task is not None:
             return self._task.feedback
         spent = self._now - self._started_at
-        if self._runner.running is not None and not self._poses:
+        drive = self._drive
+        if drive is None:
             return TaskFeedback(self._robot_pose(), self._remaining, spent, None, 0, 0, 0)
-        now = self.move_base.feedback
-        left = now.distance_remaining
-        for a, b in zip(self._poses[self._index :], self._poses[self._index + 1 :]):
-            left += a.distance_to(b)
-        pace = None
-        if now.estimated_time_remaining is not None and now.distance_remaining > 0.0:
-            pace = now.estimated_time_remaining / now.distance_remaining
-        return TaskFeedback(
-            now.pose,
-            left,
-            spent,
-            pace * left if pace is not None else None,
-            self._past_recoveries + now.recoveries,
-            len(self._poses) - self._index,
-            self._index,
-        )
+        now, (left, time_left) = self.move_base.feedback, drive.remaining()
+        recoveries = drive.past_recoveries + now.recoveries
+        return TaskFeedback(now.pose, left, spent, time_left, recoveries, len(drive.targets) - drive.index, drive.index)
 
     def getResult(self) -> TaskResult:
         """Return the result of the last task; UNKNOWN before its end and before the first task."""
@@ -759,22 +736,31 @@ class BasicNavigator(NavigatorServices):
     # --- execution ----------------------------------------------------------------------------------------------------
 
     def _drive_to(
-        self, poses: tuple[Pose2D, ...], frame: str | None, *, through: bool, stop_on_failure: bool, begin: int = 0
+        self,
+        poses: tuple[Pose2D, ...],
+        frame: str | None,
+        *,
+        through: bool,
+        stop_on_failure: bool,
+        first: int = 0,
+        loops: int = 0,
+        executor: WaypointExecutor = NO_EXECUTOR,
     ) -> bool:
         if not poses:
             raise InputError("the list of poses is empty; give at least one")
         if self._runner.running is not None or self._task is not None:
             self.cancelTask()
-        self._poses, self._frame = poses, frame
-        self._through, self._stop_on_failure = through, stop_on_failure
-        self._index = begin
-        self._past_recoveries = 0
-        self.missed_waypoints = []
-        self.waypoint_report = []
-        self._executor, self._loop, self._loops = NO_EXECUTOR, 0, 0
         self._start_task()
-        self._set_out = self._now
-        self._handle = self.move_base.send_goal(poses[begin], frame)
+        self._drive = PoseSequence(
+            self.move_base,
+            [TargetPose(pose, frame) for pose in poses],
+            through=through,
+            stop_on_failure=stop_on_failure,
+            first=first,
+            loops=loops,
+            executor=executor,
+            now=self._now,
+        )
         return True
 
     def _robot_pose(self) -> Pose2D | None:
@@ -801,107 +787,30 @@ class BasicNavigator(NavigatorServices):
         elif self._runner.running is not None:
             if self._runner.is_due(self._now):
                 self._step()
-        elif self._result is None and self._handle is not None:
+        elif self._result is None and self._drive is not None:
             self._check_goal()
 
     def _check_goal(self) -> None:
-        """Send the next pose once the robot has reached or passed the current one."""
-        handle = self._handle
-        assert handle is not None
-        last = self._index + 1 == len(self._poses)
-        if not handle.is_done:
-            if self._through and not last and self._has_passed(handle):
-                self._past_recoveries += self.move_base.feedback.recoveries
-                self._end_waypoint(None)
-            return
-        result = handle.result
-        if handle.status is GoalStatus.PREEMPTED or handle.status is GoalStatus.RECALLED:
-            self._result = TaskResult.CANCELED
-            self._error = (result.error_code, result.message or handle.text)
-            return
-        self._past_recoveries += result.recoveries
-        if handle.status is not GoalStatus.SUCCEEDED:
-            self._end_waypoint((result.error_code, result.message or handle.text))
-        elif self._through:
-            self._end_waypoint(None)
-        else:
-            self._do_task()
-
-    def _do_task(self) -> None:
-        """Do the task of a waypoint that was reached; a behavior runs in the next cycles."""
-        index, pose = self._index, self._poses[self._index]
-        try:
-            found = self._executor(index, pose)
-            if isinstance(found, Behavior):
-                end = self._runner.start(
-                    found, self.move_base.recovery_context, self._now, self.move_base.params.controller_frequency
-                )
-                if end is None:
-                    return
-                self._runner.drop(self._now)
-                raise end.error or NavError(end.text)
-        except Exception as exc:  # whatever a function of the user raises is the failure of this waypoint
-            why = exc.message if isinstance(exc, NavError) else f"{type(exc).__name__}: {exc}"
-            self._end_waypoint((ExecutorFailedError.code, f"the task at waypoint {index} failed: {why}"))
-            return
-        self._end_waypoint(
-            (ExecutorFailedError.code, f"the task at waypoint {index} failed") if found is False else None
-        )
-
-    def _end_waypoint(self, error: tuple[int, str] | None) -> None:
-        """Report the current waypoint, and go on to the next one, or end the task."""
-        code, text = error or NO_ERROR
-        status = WaypointStatus.COMPLETED if error is None else WaypointStatus.FAILED
-        report = WaypointReport(
-            self._index, self._poses[self._index], status, code, text, self._loop, self._set_out, self._now
-        )
-        self.waypoint_report.append(report)
-        if error is not None:
-            self.missed_waypoints.append(self._index)
-            self._error = error
-            if self._through or self._stop_on_failure:
-                if not self._through and len(self._poses) > 1 and code != ExecutorFailedError.code:
-                    self._error = (MissedWaypointError.code, f"waypoint {self._index} was missed: {text} ({code})")
-                self._skip_rest()
-                self._result = TaskResult.FAILED
-                return
-        if self._index + 1 < len(self._poses):
-            self._next_pose(self._index + 1)
-        elif self._loop < self._loops:
-            self._loop += 1
-            self._next_pose(0)
-        else:
-            self._result = TaskResult.FAILED if self.missed_waypoints else TaskResult.SUCCEEDED
-
-    def _skip_rest(self) -> None:
-        """Report the waypoints of this loop that are left out."""
-        for index in range(self._index + 1, len(self._poses)):
-            self.waypoint_report.append(
-                WaypointReport(
-                    index,
-                    self._poses[index],
-                    WaypointStatus.SKIPPED,
-                    loop=self._loop,
-                    started_s=self._now,
-                    ended_s=self._now,
-                )
+        """Go on to the next pose, start the task of this one, or note the end."""
+        drive = self._drive
+        assert drive is not None
+        drive.update(self._now)
+        if drive.task is not None:
+            end = self._runner.start(
+                drive.task, self.move_base.recovery_context, self._now, self.move_base.params.controller_frequency
             )
+            if end is not None:
+                self._end_task_at_waypoint(end.error or NavError(end.text))
+        self._note_drive(drive)
 
-    def _has_passed(self, handle: GoalHandle) -> bool:
-        move_base = self.move_base
-        robot, goal = move_base.robot_pose, move_base.goal_pose
-        if move_base.goal_handle is not handle or robot is None or goal is None:
-            return False
-        return robot.distance_to(goal) <= PASSED_RADIUS_M
-
-    def _next_pose(self, index: int) -> None:
-        self._index = index
-        self._set_out = self._now
-        self._handle = self.move_base.send_goal(self._poses[self._index], self._frame)
+    def _note_drive(self, drive: PoseSequence) -> None:
+        self._result = drive.result
+        if drive.error is not NO_ERROR:
+            self._error = drive.error
 
     def _run_task(self, task: DockTask) -> bool:
         self.cancelTask()
-        self._poses, self._handle = (), None
+        self._drive = None
         self._tick(self._now)
         self._start_task()
         self._task = task
@@ -919,7 +828,7 @@ class BasicNavigator(NavigatorServices):
 
     def _run_behavior(self, behavior: Behavior) -> bool:
         self.cancelTask()
-        self._poses, self._handle = (), None
+        self._drive = None
         context = self.move_base.recovery_context
         call(behavior, behavior.check, context)
         # update the costmaps, which may be as old as the last task
@@ -939,7 +848,7 @@ class BasicNavigator(NavigatorServices):
             if not call(costmap, costmap.is_current, now, check=checked_flag):
                 raise stale_sensors(costmap, "is stale, so the robot must not move")
         except NavError as exc:
-            if self._poses:
+            if self._drive is not None:
                 self._end_task_at_waypoint(exc)
             else:
                 self._end_behavior(TaskResult.FAILED, exc)
@@ -950,7 +859,7 @@ class BasicNavigator(NavigatorServices):
             self._remaining = float(step.data.get("left_m", step.data.get("left_rad", 0.0)))
         if isinstance(found, BehaviorStep):
             call(robot, robot.command, found.twist)
-        elif self._poses:
+        elif self._drive is not None:
             self._end_task_at_waypoint(found.error)
         elif found.error is None:
             self._end_behavior(TaskResult.SUCCEEDED, None)
@@ -962,8 +871,10 @@ class BasicNavigator(NavigatorServices):
         self._runner.drop(self._now)
         robot = self.move_base.robot
         call(robot, robot.command, Twist2D())
-        why = "" if error is None else f"the task at waypoint {self._index} failed: {error.message}"
-        self._end_waypoint(None if error is None else (ExecutorFailedError.code, why))
+        drive = self._drive
+        assert drive is not None
+        drive.end_task(error, self._now)
+        self._note_drive(drive)
 
     def _end_behavior(self, result: TaskResult, error: NavError | None) -> None:
         self._runner.drop(self._now)

@@ -141,6 +141,11 @@ COMMANDS: Final = {
     "ros1": LazyCommand(
         "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl."
     ),
+    "ros2": LazyCommand(
+        "ros2",
+        "app",
+        "Nodes for ROS 2 (your sourced installation): the navigator in place of Nav2, the simulated robot.",
+    ),
 }
 
 BENCH_COMMANDS: Final = {

@@ -16,7 +16,6 @@ from navstack.core import InputError
 from navstack.ros1 import (
     AmclNode,
     FakeLocalization,
-    RecordFolder,
     SimNode,
     check_thresholds,
     load_amcl,
@@ -26,6 +25,7 @@ from navstack.ros1 import (
     receive_map,
     serve_map,
 )
+from navstack.ros_node import RecordFolder
 
 app = typer.Typer(
     name="ros1",

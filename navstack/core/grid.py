@@ -64,6 +64,10 @@ class Window(NamedTuple):
         """True without cells."""
         return self.x0 >= self.x1 or self.y0 >= self.y1
 
+    def union(self, other: Window) -> Window:
+        """Return the smallest window that contains both."""
+        return Window(min(self.x0, other.x0), min(self.y0, other.y0), max(self.x1, other.x1), max(self.y1, other.y1))
+
     @property
     def slices(self) -> tuple[slice, slice]:
         """Index of the window in an `[iy, ix]` array."""

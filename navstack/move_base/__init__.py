@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from navstack.move_base.checks import Progress as Progress
     from navstack.move_base.checks import stale_sensors as stale_sensors
     from navstack.move_base.control import SpeedLimiter as SpeedLimiter
+    from navstack.move_base.control import full_speed as full_speed
     from navstack.move_base.errors import BusyError as BusyError
     from navstack.move_base.errors import GoalCanceledError as GoalCanceledError
     from navstack.move_base.errors import GoalTimeLimitError as GoalTimeLimitError
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from navstack.move_base.states import document_markdown as document_markdown
     from navstack.move_base.tree_move_base import TreeFailedError as TreeFailedError
     from navstack.move_base.tree_move_base import TreeMoveBase as TreeMoveBase
+    from navstack.move_base.tree_servers import pose_cost as pose_cost
     from navstack.parameters import MoveBaseParams as MoveBaseParams
     from navstack.parameters import builtin_recoveries as builtin_recoveries
 else:

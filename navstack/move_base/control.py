@@ -20,7 +20,7 @@ from navstack.move_base.plugin_calls import (
     checked_state,
     lookup_transform,
 )
-from navstack.plugins import ControlInput, CostmapServer, LocalPlanner, Plan, Robot, limits_of
+from navstack.plugins import ControlInput, CostmapServer, LocalPlanner, Plan, Robot, VelocityLimits, limits_of
 
 FACTOR: Final = 3.0
 """A robot may be this many times faster than the local planner's limits: pushed, downhill, or driven by another node."""
@@ -224,6 +224,11 @@ def _possible(limit: float, margin: float) -> float:
     return min(FASTEST, FACTOR * limit + margin) if limit == limit else FASTEST
 
 
+def full_speed(limits: VelocityLimits) -> float:
+    """Return the highest speed that the limits of a local planner allow (m/s)."""
+    return min(limits.max_vel_trans, math.hypot(limits.max_vel_x, limits.max_vel_y))
+
+
 class SpeedLimiter:
     """Applies the lowest speed limit of the costmaps. Costmaps without limits are not asked.
 
@@ -233,14 +238,17 @@ class SpeedLimiter:
     def __init__(self, costmaps: Sequence[CostmapServer], planner: LocalPlanner) -> None:
         self.limit: float | None = None
         """The current limit (m/s); None without a limit."""
+        self.external: float | None = None
+        """A limit (m/s) from outside, as Nav2's topic speed_limit sets it; None without one."""
         self._planner = planner
         self._costmaps = [costmap for costmap in costmaps if costmap.limits_speed]
-        self.is_needed = bool(self._costmaps)
-        """True if a costmap may limit the speed."""
-        limits = limits_of(planner) if self._costmaps else None
-        self._full_speed = (
-            0.0 if limits is None else min(limits.max_vel_trans, math.hypot(limits.max_vel_x, limits.max_vel_y))
-        )
+        self._full_speed = full_speed(limits_of(planner)) if self._costmaps else -1.0
+        """Of the planner without a limit (m/s); negative before it is needed."""
+
+    @property
+    def is_needed(self) -> bool:
+        """True if a costmap may limit the speed, or something else does or did."""
+        return bool(self._costmaps) or self.external is not None or self.limit is not None
 
     def apply(self, now: float, *, slowed: bool) -> bool:
         """Apply the limit at the robot's position at `now` (s); return True if it has changed.
@@ -264,7 +272,9 @@ class SpeedLimiter:
         call(planner, lambda: planner.set_limits(max_vel_trans=max_vel_trans, max_vel_theta=max_vel_theta))
 
     def _lowest(self, now: float) -> float | None:
-        lowest = math.inf
+        if self._full_speed < 0.0:  # no limit has been set yet
+            self._full_speed = full_speed(limits_of(self._planner))
+        lowest = math.inf if self.external is None else self.external
         for costmap in self._costmaps:
             pose = call(costmap, costmap.robot_pose, now, check=checked_pose)
             limit = call(costmap, costmap.speed_limit, pose.x, pose.y, self._full_speed, check=checked_speed_limit)

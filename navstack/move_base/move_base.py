@@ -900,6 +900,7 @@ class MoveBase:
         limiter = self._limiter
         if local_planner is not None:
             limiter = SpeedLimiter((self.local_costmap, self.global_costmap), local_planner)
+            limiter.external = self._limiter.external
         # nothing below raises
         self._set_params(params, context, now)
         if global_planner is None and local_planner is None:
@@ -940,7 +941,21 @@ class MoveBase:
         self._inputs.read_parameters()
         self._events.info(self._now, "costmaps changed")
 
+    def limit_speed(self, limit: float | None) -> None:
+        """Drive at most at `limit` (m/s) from the next cycle on, as Nav2's topic speed_limit says; None or 0 for no limit.
+
+        A lower limit of a costmap counts. Raises InputError for a limit that is negative or not finite.
+        """
+        if limit is not None and not (math.isfinite(limit) and limit >= 0.0):
+            raise InputError(f"a speed limit is {limit} m/s; give a finite one of 0 or more", limit=limit)
+        self._limiter.external = limit or None
+
     # --- state --------------------------------------------------------------------------------------------------------
+
+    @property
+    def speed_limit(self) -> float | None:
+        """The limit of `limit_speed` (m/s)."""
+        return self._limiter.external
 
     @property
     def now(self) -> float:

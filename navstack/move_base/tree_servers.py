@@ -516,27 +516,12 @@ class TreeServers:
         unknown = bool(request.get("consider_unknown_as_obstacle", False))
         invalid: list[int] = []
         for index in range(first, last):
-            cost = self._cost(Pose2D(*map(float, poses[index])), use_footprint=True)
+            cost = pose_cost(self._global_costmap, Pose2D(*map(float, poses[index])), use_footprint=True)
             if cost is None or (unknown if cost == UNKNOWN_COST else cost >= limit):
                 invalid.append(index)
                 if request.get("stop_at_first_collision", True):
                     break
         return {"success": True, "is_valid": not invalid, "invalid_pose_indices": invalid}
-
-    def _cost(self, pose: Pose2D, *, use_footprint: bool) -> int | None:
-        """Return the cost of a pose in the global costmap; a round robot that touches an obstacle has a lethal one."""
-        master, footprint = self._global_costmap.master, self._global_costmap.footprint
-        geometry = master.geometry
-        cell = geometry.world_to_cell(pose.x, pose.y)
-        if cell is None or not geometry.contains_cell(*cell):
-            return None
-        cost = int(master.data[cell[1], cell[0]])
-        if cost == INSCRIBED:
-            return LETHAL_COST if use_footprint else cost
-        if not use_footprint or cost >= INSCRIBED:
-            return cost
-        found = footprint_cost(master, footprint, pose, interior=False)
-        return LETHAL_COST if found is not None and found == LETHAL_COST else cost
 
     def _costs(self, request: Mapping[str, object]) -> dict[str, object]:
         poses = request.get("poses")
@@ -545,7 +530,8 @@ class TreeServers:
         for pose in given:
             if not isinstance(pose, StampedPose):
                 return {"success": False, "message": "a pose is missing"}
-            cost = self._cost(self._in_costmap(pose), use_footprint=bool(request.get("use_footprint", True)))
+            is_whole = bool(request.get("use_footprint", True))
+            cost = pose_cost(self._global_costmap, self._in_costmap(pose), use_footprint=is_whole)
             if cost is None:
                 return {"success": False, "message": "a pose is outside the costmap"}
             costs.append(float(cost))
@@ -559,3 +545,22 @@ class TreeServers:
     def _in_costmap(self, pose: StampedPose, costmap: CostmapServer | None = None) -> Pose2D:
         frame = (costmap or self._global_costmap).frame
         return pose.pose if pose.frame in ("", frame) else self._transform(frame, pose.frame).apply(pose.pose)
+
+
+def pose_cost(costmap: CostmapServer, pose: Pose2D, *, use_footprint: bool) -> int | None:
+    """Return the cost of a pose in the frame of a costmap, as Nav2's services do; None outside.
+
+    A round robot that touches an obstacle has a lethal one.
+    """
+    master = costmap.master
+    geometry = master.geometry
+    cell = geometry.world_to_cell(pose.x, pose.y)
+    if cell is None or not geometry.contains_cell(*cell):
+        return None
+    cost = int(master.data[cell[1], cell[0]])
+    if cost == INSCRIBED:
+        return LETHAL_COST if use_footprint else cost
+    if not use_footprint or cost >= INSCRIBED:
+        return cost
+    found = footprint_cost(master, costmap.footprint, pose, interior=False)
+    return LETHAL_COST if found is not None and found == LETHAL_COST else cost

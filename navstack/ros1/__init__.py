@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from navstack.ros1.amcl_node import load_amcl as load_amcl
     from navstack.ros1.launch_advice import Advice as Advice
     from navstack.ros1.launch_advice import advise as advise
-    from navstack.ros1.live_record import RecordFolder as RecordFolder
     from navstack.ros1.localization_node import FakeLocalization as FakeLocalization
     from navstack.ros1.map_nodes import check_thresholds as check_thresholds
     from navstack.ros1.map_nodes import load_image as load_image

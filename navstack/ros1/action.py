@@ -9,8 +9,8 @@ from typing import Any, Final
 from navstack.core import Event, NavError, Pose2D
 from navstack.move_base import REPLACED, STATUS_LIST_TIMEOUT_S, GoalHandle, GoalStatus, MoveBase
 from navstack.ros1 import ros
-from navstack.ros1.node import Inbox, NodeClock
 from navstack.ros_messages import MessageBuilder
+from navstack.ros_node import Inbox, NodeClock
 
 STATUS_HZ: Final = 5.0
 """Default of actionlib_status_frequency (Hz)."""

@@ -26,10 +26,11 @@ from navstack.parameters import (
 )
 from navstack.plugins import param
 from navstack.ros1 import ros
-from navstack.ros1.diagnostics import OK, WARN, diagnostic_status
+from navstack.ros1.diagnostics import diagnostic_status
 from navstack.ros1.localization_node import LocalizationNode
 from navstack.ros1.reconfigure import RESTORE, ReconfigureServer, kind_of
 from navstack.ros_messages import messages as msg
+from navstack.ros_node import OK, WARN
 
 # --- the parameters of the node amcl: those of the filter, and those of its topics ------------------------------------
 

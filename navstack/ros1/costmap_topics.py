@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import logging
+from functools import partial
 from typing import Any
 
-import numpy as np
-
-from navstack.core import Footprint, InputError, NavError, Transform2D, Window
+from navstack.core import NavError, Transform2D, Window
 from navstack.costmap import LayeredCostmap, StaticLayer, VoxelLayer
 from navstack.move_base import Schedule
 from navstack.ros1 import ros
-from navstack.ros1.node import Inbox, NodeClock
 from navstack.ros_messages import MessageBuilder
+from navstack.ros_node import Inbox, NodeClock, use_footprint, use_map_update
 
 # --- what changes a costmap by topics: a new footprint, and updates of the map ----------------------------------------
 
@@ -40,33 +39,15 @@ class CostmapInputs:
 
     def __init__(self, costmap: LayeredCostmap, inbox: Inbox) -> None:
         rospy = ros.rospy()
-        self._costmap = costmap
         topic = footprint_topic(costmap, "footprint_topic")
         polygon, update = ros.message("geometry_msgs/Polygon"), ros.message("map_msgs/OccupancyGridUpdate")
         if topic == footprint_topic(costmap, "published_footprint_topic"):
             logging.getLogger("rosout").addFilter(_OwnTopic())
-        rospy.Subscriber(topic, polygon, inbox.poster(self._on_footprint), queue_size=1)
+        rospy.Subscriber(topic, polygon, inbox.poster(partial(use_footprint, costmap)), queue_size=1)
         for layer in costmap.layers:
             if isinstance(layer, StaticLayer) and layer.params.subscribe_to_updates:
                 name = f"{layer.params.map_topic}_updates"
-                rospy.Subscriber(name, update, inbox.poster(self._on_update, layer), queue_size=10)
-
-    def _on_footprint(self, message: Any) -> None:
-        """Use another footprint, padded by `footprint_padding`. Raises InputError for a polygon that is none."""
-        points = np.array([(point.x, point.y) for point in message.points], np.float64).reshape(-1, 2)
-        try:
-            footprint = Footprint(points, self._costmap.params.footprint_padding)
-        except NavError as exc:
-            raise InputError(f"a footprint of {self._costmap.name} is ignored: {exc.message}") from exc
-        self._costmap.set_footprint(footprint)
-
-    def _on_update(self, message: Any, layer: StaticLayer) -> None:
-        """Change a part of the map. Raises InputError for one that is not inside the map."""
-        height, width = int(message.height), int(message.width)
-        data = np.asarray(message.data, np.int8)
-        if height * width != len(data):
-            raise InputError(f"an update of the map of {width} x {height} cells has {len(data)} values; it is ignored")
-        layer.update_map(int(message.x), int(message.y), data.reshape(height, width))
+                rospy.Subscriber(name, update, inbox.poster(partial(use_map_update, layer)), queue_size=10)
 
 
 # --- the topics of voxel layers: the voxels, and the ends of the rays that clear them ---------------------------------
@@ -160,7 +141,7 @@ class CostmapTopics:
         if window is not None:
             if not window.is_empty:
                 before = self._touched
-                self._touched = window if before is None else _union(before, window)
+                self._touched = window if before is None else before.union(window)
             if self._footprint.get_num_connections():
                 self._publish_footprint(now)
             self._voxels.publish(self._clock.ns(now))
@@ -185,7 +166,3 @@ class CostmapTopics:
             return
         corners = Transform2D(*pose).apply_points(self.costmap.footprint.vertices)
         self._footprint.publish(self._build.polygon(self._clock.ns(now), self.costmap.frame, corners))
-
-
-def _union(a: Window, b: Window) -> Window:
-    return Window(min(a.x0, b.x0), min(a.y0, b.y0), max(a.x1, b.x1), max(a.y1, b.y1))

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from navstack.core import FrameError, LogError, NavError, Pose2D, Transform2D, clean_frame
 from navstack.ros1 import parameters, ros
-from navstack.ros1.node import Inbox, MasterWatch, NodeClock, NodeLog, wait_for_clock
-from navstack.ros1.robot import RosRobot
+from navstack.ros1.node import MasterWatch, wait_for_clock
 from navstack.ros_messages import MessageBuilder
 from navstack.ros_messages import messages as msg
+from navstack.ros_node import Inbox, NodeClock, NodeLog, RosRobot
 
 # --- what a localization publishes: `amcl_pose` and `particlecloud`, latched, and map -> odom on /tf ------------------
 
@@ -77,7 +77,7 @@ class LocalizationNode(ABC):
         self.map_frame, self.odom_frame, self.base_frame = map_frame, odom_frame, base_frame
         wait_for_clock()
         self.inbox = Inbox()
-        self.clock = NodeClock(rospy)
+        self.clock = NodeClock(ros.now_ns)
         self._jumps = 0
         self.build = MessageBuilder(ros.MessageTypes(), ros1=True)
         self.log = NodeLog(rospy, str)

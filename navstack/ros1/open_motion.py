@@ -12,9 +12,8 @@ from navstack.core import FrameError, NavError, Pose2D, RecoveryError, RobotStat
 from navstack.parameters import MotionParams
 from navstack.plugins import BehaviorContext, BehaviorStep
 from navstack.ros1 import parameters, ros
-from navstack.ros1.node import Inbox, NodeClock
-from navstack.ros1.robot import RosRobot
 from navstack.ros_messages import MessageBuilder
+from navstack.ros_node import Inbox, NodeClock, RosRobot
 
 VELOCITY_TOPIC: Final = "/mobile_base/mobile_base_controller/cmd_vel"
 """Default of `~vel_topic`."""
@@ -134,7 +133,7 @@ class OpenMotionRunner:
         rospy = self._rospy = ros.rospy()
         self.settings = settings
         self.inbox = Inbox()
-        self._clock = NodeClock(rospy)
+        self._clock = NodeClock(ros.now_ns)
         self._build = MessageBuilder(ros.MessageTypes(), ros1=True)
         self._out = rospy.Publisher(settings.topic, ros.message("geometry_msgs/Twist"), queue_size=5)
         self._robot = RosRobot(self._clock, self.publish, self._report)

@@ -13,8 +13,8 @@ from navstack.move_base import MoveBase, ThreadPlanning, TickResult
 from navstack.parameters import Configuration
 from navstack.plugins import ControlDiagnostics, LocalPlanner, Plan, RecoveryStatus
 from navstack.ros1 import ros
-from navstack.ros1.node import NodeClock
 from navstack.ros_messages import MessageBuilder
+from navstack.ros_node import NodeClock
 
 
 class PlanTopics:

@@ -12,8 +12,8 @@ from navstack.costmap import FIXED
 from navstack.move_base import MoveBase
 from navstack.parameters import Configuration, Parameter, load_configuration, parameters_of
 from navstack.ros1 import ros
-from navstack.ros1.node import Inbox
 from navstack.ros1.parameters import WRITTEN, renamed
+from navstack.ros_node import Inbox
 
 LARGEST: Final = 1e9
 """Range of a number without one: clients draw a slider."""

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from navstack.core import NotSupportedError, shortened
+from navstack.core import NotSupportedError
+from navstack.ros_node import line_of
 
 DEBIAN: Final = Path("/usr/lib/python3/dist-packages")
 """Debian's Python packages; appended to the search path, so that those of the virtual environment win."""
@@ -45,18 +46,6 @@ _flushed: Final = threading.Event()
 
 LOGGER: Final = "rosout"
 """The logger of rospy."""
-LONGEST_LINE: Final = 2_000
-"""Longest line of the log (characters)."""
-
-
-def line_of(text: str) -> str:
-    """Return a text for the log, as one line: names in messages are those of other programs, and may hold anything.
-
-    A control character, such as the end of a line, is written as in a literal of Python.
-    """
-    if not text.isprintable():
-        text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return shortened(text, LONGEST_LINE)
 
 
 def escape_log() -> None:
@@ -123,6 +112,11 @@ def load(module: str) -> Any:
 def rospy() -> Any:
     """Return the module rospy. Raises NotSupportedError."""
     return load("rospy")
+
+
+def now_ns() -> int:
+    """Return ROS's time (ns)."""
+    return int(rospy().Time.now().to_nsec())
 
 
 def message(name: str) -> Any:

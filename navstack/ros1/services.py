@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from navstack.core import Costmap, Footprint, NavError, PlanningError, Pose2D
-from navstack.global_planner import unsmoothed
-from navstack.move_base import MoveBase, plugin_calls
+from navstack.core import NavError, PlanningError, Pose2D
+from navstack.move_base import MoveBase
 from navstack.parameters import Configuration
-from navstack.plugins import GlobalPlanner
 from navstack.ros1 import ros
-from navstack.ros1.node import Inbox, NodeClock
 from navstack.ros_messages import MessageBuilder
 from navstack.ros_messages import messages as msg
+from navstack.ros_node import Inbox, NodeClock, PlannerCopy
 
 
 class Services:
@@ -75,8 +72,7 @@ class Services:
 class PlannerService:
     """`~<planner>/make_plan`: plans at any time, also while the robot drives, and always has an answer.
 
-    A planner of its own, with the parameters of the node's, works on a copy of the costmap in the thread of the service, so
-    neither the control cycle nor the plans of a goal wait for it.
+    It works in the thread of the service.
     """
 
     def __init__(
@@ -87,40 +83,24 @@ class PlannerService:
         inbox: Inbox,
         publish: Callable[[Any], None],
     ) -> None:
-        self._move_base, self._clock, self._build = move_base, clock, build
-        self._inbox, self._publish = inbox, publish
-        self._lock = threading.Lock()
-        self._model: GlobalPlanner | None = None
-        self._planner: GlobalPlanner | None = None
+        self._clock, self._build, self._publish = clock, build, publish
+        self._inbox = inbox
+        self._copy = PlannerCopy(move_base, inbox)
 
     def answer(self, request: Any) -> Any:
         """Return the plan, an empty one after a failure. The tolerance of the request is ignored, as in ROS."""
-        model, costmap, footprint, time_ns = self._inbox.call(self._snapshot)
+        model, costmap, footprint = self._copy.snapshot()
+        time_ns = self._inbox.call(lambda: self._clock.ns(self._clock.now()))
         response = ros.message("nav_msgs/srv/GetPlanResponse")()
         response.plan.header = self._build.header(time_ns, costmap.frame)
         try:
             _check_frames(costmap.frame, request.goal, request.start)
-            with self._lock:
-                planner = self._like(model)
-                plan = plugin_calls.make_plan(planner, costmap, _pose(request.start), _pose(request.goal), footprint)
+            plan = self._copy.plan(model, costmap, footprint, _pose(request.start), _pose(request.goal))
             response.plan.poses = self._build.path(time_ns, costmap.frame, plan.path.poses).poses
         except NavError as exc:
             ros.rospy().logwarn("make_plan of the global planner: %s", exc.message)
         self._publish(response.plan)
         return response
-
-    def _snapshot(self) -> tuple[GlobalPlanner, Costmap, Footprint, int]:
-        """Return the node's planner, a copy of its costmap, the footprint and ROS's time (ns)."""
-        costmap = self._move_base.global_costmap
-        now_ns = self._clock.ns(self._clock.now())
-        return unsmoothed(self._move_base.global_planner), costmap.master.copy(), costmap.footprint, now_ns
-
-    def _like(self, model: GlobalPlanner) -> GlobalPlanner:
-        """Return a planner with the class and the parameters of another one."""
-        if self._planner is None or self._model is not model:
-            self._planner = plugin_calls.call(model, type(model), model.params)
-            self._model = model
-        return self._planner
 
 
 def _pose(message: Any) -> Pose2D:

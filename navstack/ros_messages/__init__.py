@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from navstack.ros_messages.messages import NS_PER_S as NS_PER_S
     from navstack.ros_messages.messages import Clock as Clock
     from navstack.ros_messages.messages import seconds as seconds
+    from navstack.ros_messages.messages import time_ns as time_ns
     from navstack.ros_messages.topics import TRUTH as TRUTH
     from navstack.ros_messages.topics import TopicFinder as TopicFinder
     from navstack.ros_messages.topics import short_type as short_type

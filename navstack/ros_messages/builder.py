@@ -112,16 +112,27 @@ class MessageBuilder:
             angular=self.vector(0.0, 0.0, twist.wz),
         )
 
-    def odometry(self, time_ns: int, frame: str, child: str, pose: Pose2D, velocity: Twist2D) -> Any:
-        """Return an odometry message without covariances."""
+    def twist_stamped(self, time_ns: int, frame: str, twist: Twist2D) -> Any:
+        """Return a velocity with a header."""
+        return self.of("geometry_msgs/msg/TwistStamped", header=self.header(time_ns, frame), twist=self.twist(twist))
+
+    def odometry(
+        self,
+        time_ns: int,
+        frame: str,
+        child: str,
+        pose: Pose2D,
+        velocity: Twist2D,
+        covariance: Sequence[float] | None = None,
+    ) -> Any:
+        """Return an odometry message; `covariance` (36) is that of pose and velocity, zeros without one."""
+        spread = self._no_covariance if covariance is None else np.array(covariance)
         return self.of(
             "nav_msgs/msg/Odometry",
             header=self.header(time_ns, frame),
             child_frame_id=child,
-            pose=self.of("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(pose), covariance=self._no_covariance),
-            twist=self.of(
-                "geometry_msgs/msg/TwistWithCovariance", twist=self.twist(velocity), covariance=self._no_covariance
-            ),
+            pose=self.of("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(pose), covariance=spread),
+            twist=self.of("geometry_msgs/msg/TwistWithCovariance", twist=self.twist(velocity), covariance=spread),
         )
 
     def scan(self, time_ns: int, scan: LaserScan) -> Any:

@@ -129,11 +129,16 @@ def edges_of(message: Any) -> list[tuple[str, str, int]]:
 
 @checked
 def stamp_ns(header: Any) -> int:
-    """Return the stamp of a header (ns), of rosbags or of rospy."""
-    convert = getattr(header.stamp, "to_nsec", None)
+    """Return the stamp of a header (ns), of rosbags, of rospy or of rclpy."""
+    return time_ns(header.stamp)
+
+
+def time_ns(time: Any) -> int:
+    """Return a time or a duration of a message (ns)."""
+    convert = getattr(time, "to_nsec", None)
     if convert is not None:
         return int(convert())
-    return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
+    return int(time.sec) * NS_PER_S + int(time.nanosec)
 
 
 def short_decimal(value: float) -> float:

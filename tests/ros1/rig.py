@@ -35,6 +35,11 @@ def own_environment() -> dict[str, str]:
 class Rig:
     """The programs of one run. Events of the probe are kept in `events`."""
 
+    aborted = "4"
+    """Number of a goal that was aborted."""
+    reached = "3"
+    node_name = "/move_base"
+
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
         self.events: list[Event] = []
@@ -66,13 +71,18 @@ class Rig:
         )
         return node
 
+    def probe_command(self) -> tuple[list[str], dict[str, str]]:
+        """Return the command of the probe, and its environment."""
+        return [sys.executable, "-m", "tests.ros1.probe"], {**self.graph.environment, **own_environment()}
+
     def start_probe(self, *arguments: str) -> None:
         """Start the probe; with `--results` it only sends goals and reports their results."""
         log = (self.graph.folder / "probe.log").open("wb")
+        command, environment = self.probe_command()
         self._probe = subprocess.Popen(
-            [sys.executable, "-m", "tests.ros1.probe", *arguments],
+            [*command, *arguments],
             cwd=ROOT,
-            env={**self.graph.environment, **own_environment()},
+            env=environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=log,
@@ -169,8 +179,9 @@ class Rig:
         found = self.wait(lambda e: e["what"] == "truth" and e["v"] >= speed, f"motion at {speed} m/s", since=first)
         return float(found["t"])
 
-    def warnings(self, since: float, name: str = "/move_base") -> list[str]:
-        """Return the texts of warnings and errors of a node since a time (s, monotonic), in order."""
+    def warnings(self, since: float, name: str = "") -> list[str]:
+        """Return the texts of warnings and errors of a node (by default that under test) since a time (s, monotonic)."""
+        name = name or self.node_name
         return [e["text"] for e in self.after(since, "log") if e["level"] >= WARNING and e["name"] == name]
 
 

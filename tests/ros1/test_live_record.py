@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Pose2D
@@ -10,14 +12,17 @@ from navstack.explain import explain_goal
 from navstack.map_io import load_map, map_path
 from navstack.parameters import load_configuration
 from navstack.record import Record
-from navstack.ros1.live_record import LATEST, LiveRecord
+from navstack.ros_node.live_record import LATEST, LiveRecord
 from navstack.sim import World
+
+LOG: Any = SimpleNamespace()
+"""Nothing is logged."""
 
 
 def test_pieces_and_their_rotation(tmp_path: Path) -> None:
     configuration, grid = load_configuration(["turtlebot"]), load_map(map_path("office"))
     robot = simulated_robot(configuration, World(grid), Pose2D(0.8, 7.45))
-    record = LiveRecord(tmp_path, 0.2, configuration, grid, robot)
+    record = LiveRecord(tmp_path, 0.2, configuration, grid, robot, name="ros1", log=LOG)
     move_base = build_move_base(configuration, robot, static_map=grid, listeners=[record])
 
     def run(until: float) -> None:

@@ -10,7 +10,7 @@ import pytest
 from navstack.core import LaserScan, Twist2D, Window
 from navstack.move_base import TickResult
 from navstack.plugins import LocalPlan
-from navstack.ros1.diagnostics import CLOCK, EITHER, PROGRAMS, STEP, THREADS, LoopTimes, ThreadTimes
+from navstack.ros_node.loop_times import CLOCK, EITHER, PROGRAMS, STEP, THREADS, LoopTimes, ThreadTimes
 
 
 class FakeTimes(ThreadTimes):

@@ -15,10 +15,12 @@ from navstack.cli.app import run
 from navstack.core import LogError, NavError, Pose2D
 from navstack.move_base import Goal, GoalStatus, MoveBase, SimpleActionServer, goals
 from navstack.parameters import load_configuration
-from navstack.ros1 import action, node, parameters, ros
+from navstack.ros1 import action, parameters, ros
 from navstack.ros1.action import ActionInterface
-from navstack.ros1.node import Inbox, NodeLog
 from navstack.ros_messages import messages as msg
+from navstack.ros_node import Inbox, NodeLog, line_of
+from navstack.ros_node import inbox as inboxes
+from navstack.ros_node import log as logs
 
 
 def _fail(error: NavError) -> None:
@@ -30,11 +32,11 @@ def _fail(error: NavError) -> None:
 
 def test_the_inbox_drops_the_oldest_messages() -> None:
     inbox, seen = Inbox(), list[int]()
-    for number in range(node.MOST_MESSAGES + 30):
+    for number in range(inboxes.MOST_MESSAGES + 30):
         inbox.post(lambda number=number: seen.append(number))
-    while inbox.run(0.0, _fail) == 0.0 and len(seen) < node.MOST_MESSAGES:
+    while inbox.run(0.0, _fail) == 0.0 and len(seen) < inboxes.MOST_MESSAGES:
         pass
-    assert seen == list(range(30, node.MOST_MESSAGES + 30)) and inbox.dropped == 30
+    assert seen == list(range(30, inboxes.MOST_MESSAGES + 30)) and inbox.dropped == 30
 
 
 def test_a_flooded_topic_drops_only_its_own_messages() -> None:
@@ -53,7 +55,7 @@ def test_a_flooded_topic_drops_only_its_own_messages() -> None:
 
 def test_slow_messages_do_not_keep_a_cycle_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     inbox, clock = Inbox(), SimpleNamespace(now=0.0)
-    monkeypatch.setattr(node, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(inboxes, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     done: list[int] = []
 
     def work(number: int) -> None:
@@ -243,12 +245,12 @@ def test_ranges_of_a_scan_can_be_written() -> None:
 def test_names_in_the_log_are_escaped(caplog: pytest.LogCaptureFixture) -> None:
     name = "odom\n[FATAL] [1.0]: all is lost\x1b[2J\u202e"
     lines: list[str] = []
-    rospy = SimpleNamespace(logwarn=lambda text, *values: lines.append(text % values))
-    log = NodeLog(rospy, str)
+    sink: Any = SimpleNamespace(logwarn=lambda text, *values: lines.append(text % values))
+    log = NodeLog(sink, str)
     log.problem(f'the transform from "{name}" is not finite')
     log.finish()
     assert lines == ['the transform from "odom\\n[FATAL] [1.0]: all is lost\\x1b[2J\\u202e" is not finite']
-    assert len(ros.line_of("x" * 100_000)) == ros.LONGEST_LINE
+    assert len(line_of("x" * 100_000)) == logs.LONGEST_LINE
     logger = logging.getLogger("rosout")
     before = list(logger.filters)
     ros.escape_log()

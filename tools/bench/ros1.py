@@ -107,7 +107,9 @@ def drive(rig: Rig, until: float, memory: Memory | None = None) -> list[str]:
 def newest(rig: Rig) -> dict[str, Any]:
     """Return the newest diagnostics of the control loop."""
     mark = len(rig.take())
-    return rig.wait(lambda e: e["what"] == "diagnostics", "diagnostics", since=mark)["found"]["move_base: control loop"]
+    return rig.wait(lambda e: e["what"] == "diagnostics", "diagnostics", since=mark)["found"][
+        f"{rig.node_name[1:]}: control loop"
+    ]
 
 
 def growth(first: dict[str, Any], last: dict[str, Any]) -> dict[str, int]:
@@ -116,8 +118,32 @@ def growth(first: dict[str, Any], last: dict[str, Any]) -> dict[str, int]:
     return {key: int(last[key]) - int(first.get(key, 0)) for key in counts}
 
 
-def run(title: str, port: int, seconds: float, *sim: str, watched: bool = False) -> None:
+def measure(title: str, rig: Rig, seconds: float) -> None:
     """Drive for some time (s, ROS), and print what the node measured."""
+    drive(rig, rig.now() + 5.0)
+    assert rig.node is not None and rig.sim is not None
+    first = newest(rig)
+    begin, wall = rig.now(), time.monotonic()
+    cpu, sim_cpu, memory = cpu_s(rig.node), cpu_s(rig.sim), Memory(rig.node)
+    ends = drive(rig, begin + seconds, memory)
+    elapsed, took = rig.now() - begin, time.monotonic() - wall
+    node_share = (cpu_s(rig.node) - cpu) / took
+    sim_share = (cpu_s(rig.sim) - sim_cpu) / took
+    last = newest(rig)
+    print(f"{title}: {elapsed:.0f} s of ROS time in {took:.0f} s, {elapsed / took:.2f} times real time")
+    print(f"  goals           {len(ends)}, {ends.count(rig.reached)} reached")
+    print(f"  node            {100 * node_share:.1f} % of a core")
+    print(f"  simulated robot {100 * sim_share:.1f} % of a core")
+    print(f"  memory          {memory}")
+    for key, count in growth(first, last).items():
+        print(f"  {key:45s} {count}")
+    for key, value in last.items():
+        if key.startswith(("control period", "scan to", "latest")):
+            print(f"  {key:45s} {value}")
+
+
+def run(title: str, port: int, seconds: float, *sim: str, watched: bool = False) -> None:
+    """Start a graph, and measure."""
     with tempfile.TemporaryDirectory() as folder:
         rig = Rig(Graph(Path(folder), port))
         try:
@@ -126,26 +152,7 @@ def run(title: str, port: int, seconds: float, *sim: str, watched: bool = False)
             rig.start_node(*PARAMS, *(("--record", f"{folder}/runs") if watched else ()))
             if watched:
                 rig.graph.start("rostopic", "hz", *WATCHED)
-            drive(rig, rig.now() + 5.0)
-            assert rig.node is not None and rig.sim is not None
-            first = newest(rig)
-            begin, wall = rig.now(), time.monotonic()
-            cpu, sim_cpu, memory = cpu_s(rig.node), cpu_s(rig.sim), Memory(rig.node)
-            ends = drive(rig, begin + seconds, memory)
-            elapsed, took = rig.now() - begin, time.monotonic() - wall
-            node_share = (cpu_s(rig.node) - cpu) / took
-            sim_share = (cpu_s(rig.sim) - sim_cpu) / took
-            last = newest(rig)
-            print(f"{title}: {elapsed:.0f} s of ROS time in {took:.0f} s, {elapsed / took:.2f} times real time")
-            print(f"  goals           {len(ends)}, {ends.count('3')} reached")
-            print(f"  node            {100 * node_share:.1f} % of a core")
-            print(f"  simulated robot {100 * sim_share:.1f} % of a core")
-            print(f"  memory          {memory}")
-            for key, count in growth(first, last).items():
-                print(f"  {key:45s} {count}")
-            for key, value in last.items():
-                if key.startswith(("control period", "scan to", "latest")):
-                    print(f"  {key:45s} {value}")
+            measure(title, rig, seconds)
         finally:
             rig.close()
             rig.graph.close()

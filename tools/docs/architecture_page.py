@@ -36,8 +36,8 @@ LEVELS: Final[tuple[tuple[str, ...], ...]] = (
     ("bringup", "record"),
     ("scenario", "logs"),
     ("replay",),
-    ("explain", "ros1"),
-    ("plot", "live"),
+    ("explain", "ros_node"),
+    ("plot", "live", "ros1", "ros2"),
     ("studies",),
     ("cli", "shortcuts"),
 )

@@ -14,6 +14,7 @@ from navstack.move_base import GoalHandle, MoveBase
 from navstack.parameters import Configuration
 from navstack.plugins import Robot
 from navstack.record import RunRecorder, record_tick_outputs
+from navstack.ros_node.log import Log
 from navstack.scenario import Scenario
 
 REST_S: Final = 1.0
@@ -41,9 +42,16 @@ class LiveRecord:
         configuration: Configuration,
         static_map: OccupancyGrid | None,
         robot: Robot,
+        *,
+        name: str,
+        log: Log,
     ) -> None:
-        """Pieces are folders in `folder`; together they take at most `limit_mb` (MB), besides the newest. Raises OutputError."""
+        """Pieces are folders in `folder`; together they take at most `limit_mb` (MB), besides the newest.
+
+        `name`: of the scenario in the records. Raises OutputError.
+        """
         ensure_directory(folder)
+        self._name, self._log = name, log
         self.folder, self._limit = folder, limit_mb * 1e6
         self._configuration, self._map, self._robot = configuration, static_map, robot
         self._base = configuration.local_costmap.params.robot_base_frame
@@ -143,7 +151,7 @@ class LiveRecord:
         if self._map is not None:
             goals = tuple(self._goals)
             start = self._first or Pose2D(0.0, 0.0)
-            recorder.set_scenario(Scenario(self._map, self._configuration, start, goals, name="ros1").as_dict())
+            recorder.set_scenario(Scenario(self._map, self._configuration, start, goals, name=self._name).as_dict())
         recorder.finish([_result(handle, goal, now) for handle, goal in zip(self._handles, self._goals, strict=True)])
         self._count += 1
         piece = self.folder / f"{time.strftime('%Y%m%d-%H%M%S')}-{self._count:06d}"
@@ -164,7 +172,7 @@ class LiveRecord:
             link.symlink_to(piece.name)
             self._rotate(piece)
         except (NavError, OSError) as exc:
-            _log(f"the record {piece} could not be written: {exc}")
+            self._log.logerr("the record %s could not be written: %s", piece, exc)
 
     def _rotate(self, newest: Path) -> None:
         """Delete the oldest pieces beyond the limit."""
@@ -175,12 +183,6 @@ class LiveRecord:
                 return
             del sizes[piece]
             shutil.rmtree(piece, ignore_errors=True)
-
-
-def _log(text: str) -> None:
-    from navstack.ros1 import ros
-
-    ros.rospy().logerr("%s", text)
 
 
 def _result(handle: GoalHandle, goal: Pose2D, now: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The robot of a ROS 1 graph: tf, odometry and sensor data come from topics, commands go to cmd_vel."""
+"""The robot of a ROS graph: tf, odometry and sensor data come from topics, commands go to cmd_vel."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from navstack.core import FrameError, FrameTree, LogError, NavError, PointCloud, RobotState, SensorData, Twist2D
 from navstack.move_base import StaleOdometryError
-from navstack.ros1.node import NodeClock
 from navstack.ros_messages import StampedTransform, Transform3D, TransformTree
 from navstack.ros_messages import messages as ros
+from navstack.ros_node.clock import NodeClock
 
 FUTURE_S: Final = 5.0
 """Data stamped farther in the future (s) are ignored: localization stamps transforms about a second ahead."""

@@ -1,0 +1,118 @@
+"""`navstack ros2`: nodes for a ROS 2 graph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+from navstack.cli import options
+from navstack.cli.lazy_group import Command
+from navstack.cli.output import print_warnings
+from navstack.cli.scenario_options import ScenarioOptions
+from navstack.core import InputError
+from navstack.ros2 import Navigator, RosNode, SimNode, load, managed_node
+from navstack.ros_node import RecordFolder
+
+app = typer.Typer(
+    name="ros2",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Nodes for ROS 2 (your sourced installation): the navigator in place of Nav2, and the simulated robot.",
+)
+ROS_ARGS: Final = "--ros-args"
+NODE: Final[dict[str, Any]] = {"allow_extra_args": True}
+
+Name = Annotated[str, typer.Option("--name", help="Name of the node.")]
+
+
+class NodeCommand(Command):
+    """A command that is a node: what follows `--ros-args`, up to `--`, is left to rclpy."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments that are not ROS's; those are kept in `ctx.obj`."""
+        own: list[str] = []
+        of_ros: list[str] = []
+        target = own
+        for text in args:
+            if text == ROS_ARGS:
+                target = of_ros
+            elif text == "--" and target is of_ros:
+                target = own
+            else:
+                target.append(text)
+        rest = super().parse_args(ctx, own)
+        ctx.meta["ros"] = of_ros
+        return rest
+
+
+def arguments_of(context: typer.Context) -> list[str]:
+    """Return the arguments of ROS."""
+    if context.args:
+        raise InputError(f"{' '.join(context.args)} is not an option; arguments of ROS follow {ROS_ARGS}")
+    return list(context.meta["ros"])
+
+
+@app.command("navigator", cls=NodeCommand, context_settings=NODE)
+def navigator(
+    context: typer.Context,
+    params: options.Params = [],
+    set_: options.Set = [],
+    distro: options.Distro = None,
+    record: Annotated[
+        Path | None,
+        typer.Option("--record", metavar="FOLDER", help="Record the cycles there, in pieces for `plot` and `explain`."),
+    ] = None,
+    record_limit: Annotated[
+        float, typer.Option("--record-limit", metavar="MB", help="Delete the oldest pieces beyond this size.", min=1.0)
+    ] = 500.0,
+    name: Name = "navigator",
+) -> int:
+    """Run a node in place of Nav2's servers: their actions, topics, services and life cycle.
+
+    `--params` takes files of navstack, of move_base and of Nav2 (nav2_params.yaml); parameters that ROS gives to the node overlay
+    them. Names and namespaces as for every node: `--ros-args -r __ns:=/robot1 -r cmd_vel:=base/cmd_vel`. Exit codes: 0 shut
+    down, 2 invalid input.
+    """
+    arguments = arguments_of(context)
+    running: list[Navigator] = []
+
+    def change(transition: str) -> None:
+        for one in running:
+            one.change_state(transition)
+
+    node = RosNode(name, arguments, cls=managed_node(change))
+    configuration = load(node, params, set_, distro=distro)
+    print_warnings(configuration)
+    node.start()
+    running.append(Navigator(configuration, node, None if record is None else RecordFolder(record, record_limit)))
+    running[0].spin()
+    return 0
+
+
+@app.command("sim", cls=NodeCommand, context_settings=NODE)
+@options.with_options(chosen=ScenarioOptions)
+def sim(
+    context: typer.Context,
+    chosen: ScenarioOptions,
+    speed: Annotated[
+        float, typer.Option("--speed", help="Simulated seconds per second; not 1 needs --clock.", min=0.01, max=1000.0)
+    ] = 1.0,
+    clock: Annotated[
+        bool, typer.Option("--clock/--no-clock", help="Publish /clock for nodes with use_sim_time.")
+    ] = False,
+    name: Name = "navstack_sim",
+) -> int:
+    """Run the simulated robot as a node: scan, odom, tf, imu, battery, map server and amcl; it follows cmd_vel.
+
+    The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. Exit codes: 0 shut down, 2 invalid input.
+    """
+    if speed != 1.0 and not clock:
+        raise InputError(f"--speed {speed:g} needs simulated time; add --clock", argument="--speed")
+    arguments = arguments_of(context)
+    scenario = chosen.build(goals_needed=False)
+    node = RosNode(name, arguments)
+    node.start()
+    SimNode(scenario, node, speed=speed, clock=clock).spin()
+    return 0

@@ -1,0 +1,365 @@
+"""The navigator: a ROS 2 node in place of Nav2's servers, with their actions, topics, services and life cycle."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from navstack.core import Event, InputError, Path, Pose2D, Transform2D, Twist2D
+from navstack.global_planner import SmoothedPlanner
+from navstack.move_base import MoveBase, ThreadPlanning, TickResult, full_speed
+from navstack.parameters import Configuration
+from navstack.plugins import SMOOTHERS, limits_of
+from navstack.replay import sensor_topics
+from navstack.ros2 import ros, tasks
+from navstack.ros2.actions import Server, Tasks
+from navstack.ros2.lifecycle import offer_state
+from navstack.ros2.parameters import LiveParameters
+from navstack.ros2.ros import RosNode, value_of
+from navstack.ros2.services import Services
+from navstack.ros2.tasks import Task
+from navstack.ros2.topics import CostmapTopics, Diagnostics, PlanTopics
+from navstack.ros_messages import messages as msg
+from navstack.ros_node import (
+    MOST_ODOMETRY,
+    MOST_SENSOR_DATA,
+    MOST_TRANSFORMS,
+    RECEIVERS,
+    NodeClock,
+    PlannerCopy,
+    RecordFolder,
+    StackNode,
+    layered_costmaps,
+)
+
+STANDS_IN_FOR: Final = (
+    *("bt_navigator", "controller_server", "planner_server", "behavior_server", "smoother_server"),
+    "waypoint_follower",
+)
+"""Nodes of Nav2 whose state clients ask for."""
+INACTIVE: Final = (2, "inactive")
+KILLED: Final = "node has been killed"
+
+
+class Navigator(StackNode):
+    """The node. Parameters of its own: `autostart` (true), `enable_stamped_cmd_vel` (as Nav2 of the distribution),
+    `stop_on_failure` of FollowWaypoints (true), `odom_topic` (odom).
+    """
+
+    name = "ros2"
+
+    def __init__(self, configuration: Configuration, node: RosNode, record: RecordFolder | None = None) -> None:
+        """`node` has been started. Raises InputError for wrong parameters."""
+        self.node, handle = node, node.handle
+        self._wanted: bool | None = None
+        """What the last transition of the life cycle says; None before the first one."""
+        self._autostart = value_of(handle, "autostart", True, "true or false")
+        self._stop_on_failure = value_of(handle, "stop_on_failure", True, "true or false")
+        odometry = value_of(handle, "odom_topic", "odom", "a text")
+        self._stamped = value_of(handle, "enable_stamped_cmd_vel", ros.is_at_least("kilted"), "true or false")
+        is_simulated = node.wait_for_clock()
+        kind = "geometry_msgs/msg/TwistStamped" if self._stamped else "geometry_msgs/msg/Twist"
+        self._cmd_vel = node.publisher("cmd_vel", kind)
+        super().__init__(configuration, node.log, NodeClock(node.now_ns), is_simulated=is_simulated, record=record)
+        self.tasks = Tasks(node, self.inbox, self.clock)
+        self._costmaps: list[CostmapTopics] = []
+        self._plans: PlanTopics | None = None
+        self._diagnostics: Diagnostics | None = None
+        self._base = configuration.local_costmap.params.robot_base_frame
+        self._subscribe(odometry)
+
+    # --- messages -----------------------------------------------------------------------------------------------------
+
+    def _subscribe(self, odometry: str) -> None:
+        node, robot, later = self.node, self.robot, self.inbox.poster
+        if self._is_simulated:
+            # every step of the clock wakes the node
+            node.subscribe("/clock", "rosgraph_msgs/msg/Clock", later(self.wake, most=1), reliable=False)
+        tf = msg.TRANSFORMS[0]
+        node.subscribe("/tf_static", tf, later(robot.receive_transforms, static=True), depth=100, latched=True)
+        node.subscribe("/tf", tf, later(robot.receive_transforms, static=False, most=MOST_TRANSFORMS), depth=100)
+        node.subscribe(odometry, msg.ODOMETRY, later(robot.receive_odometry, most=MOST_ODOMETRY), depth=10)
+        sensors = sensor_topics(self.configuration).values()
+        self.sensor_topics = sorted(sensor.name for sensor in sensors)
+        for sensor in sensors:
+            receive = later(
+                self.receive_data, getattr(robot, RECEIVERS[sensor.type][1]), sensor.name, most=MOST_SENSOR_DATA
+            )
+            node.subscribe(sensor.name, sensor.type, receive, depth=MOST_SENSOR_DATA, reliable=False)
+        node.subscribe(self.map_topic(), msg.MAP, later(self._on_map, most=1), latched=True)
+
+    def _on_map(self, message: Any) -> None:
+        self.use_map(msg.map_of(message, self.node.resolved(self.map_topic()), self.node.log.logwarn))
+
+    def publish_command(self, twist: Twist2D) -> None:
+        """Publish a velocity: a Twist, or a TwistStamped in the frame of the base."""
+        build = self.node.build
+        self._cmd_vel.publish(
+            build.twist_stamped(self.node.now_ns(), self._base, twist) if self._stamped else build.twist(twist)
+        )
+
+    def _on_speed_limit(self, message: Any) -> None:
+        """Limit the speed (m/s, or percent of the full speed); 0 is no limit."""
+        limit = float(message.speed_limit)
+        move_base = self.move_base
+        if move_base is not None:
+            move_base.limit_speed(0.01 * limit * self._full_speed if message.percentage else limit)
+
+    # --- start --------------------------------------------------------------------------------------------------------
+
+    def connect(self, move_base: MoveBase, planning: ThreadPlanning) -> None:
+        """Create topics, services and actions of the goal manager."""
+        node, inbox = self.node, self.inbox
+        self._full_speed = full_speed(limits_of(move_base.local_planner))
+        self._plans = PlanTopics(node, self.clock)
+        if ros.has_module("diagnostic_msgs"):
+            self._diagnostics = Diagnostics(node, self.clock, self.robot, self.times)
+        self._costmaps = [CostmapTopics(costmap, node, self.clock, inbox) for costmap in layered_costmaps(move_base)]
+        Services(node, move_base, self.clock, inbox)
+        self.parameters = LiveParameters(node, self.configuration, move_base, inbox)
+        self.tasks.connect(move_base)
+        # a client may find an action before the transitions are through: its goal is not rejected
+        self.tasks.is_active = self._autostart if self._wanted is None else self._wanted
+        goal_pose = inbox.poster(self._on_goal_pose, most=1)
+        if ros.has_module("nav2_msgs"):
+            self._serve_actions(move_base)
+            node.subscribe(
+                "speed_limit", "nav2_msgs/msg/SpeedLimit", inbox.poster(self._on_speed_limit, most=1), depth=10
+            )
+        else:
+            node.log.logwarn(
+                "nav2_msgs is missing, so there are no actions, no services of costmaps, no costmap_raw and no speed_limit; "
+                "goal_pose, costmaps, plans, parameters and cmd_vel work; sudo apt install ros-$ROS_DISTRO-nav2-msgs"
+            )
+        node.subscribe("goal_pose", msg.POSE, goal_pose)
+        for name in STANDS_IN_FOR:
+            if name != node.handle.get_name():
+                offer_state(node, inbox, name, self._state)
+        if self._autostart:
+            node.later(self._activate)
+
+    def _state(self) -> tuple[int, str]:
+        return (3, "active") if self.tasks.is_active else INACTIVE
+
+    def _activate(self) -> None:
+        """Configure and activate this node, unless a manager has done so; in the thread of rclpy."""
+        handle = self.node.handle
+        if self._wanted is None:
+            handle.trigger_configure()
+            handle.trigger_activate()
+
+    def change_state(self, transition: str) -> None:
+        """Take a transition of the life cycle, in any thread."""
+        if transition == "activate":
+            self._wanted = self.tasks.is_active = True
+        elif transition in ("deactivate", "cleanup", "shutdown"):
+            self._wanted = self.tasks.is_active = False
+            self.inbox.post(lambda: self._stop_all("the navigator was deactivated"))
+        if transition == "shutdown":
+            self.node.stop.set()
+
+    def _stop_all(self, text: str) -> None:
+        self.tasks.cancel_all(text)
+        if self.move_base is not None:
+            self.move_base.cancel_all_goals()
+
+    def _serve_actions(self, move_base: MoveBase) -> None:
+        build = self.node.build
+
+        def server(name: str, kind: str, task: type[Task], **settings: Any) -> None:
+            def make(goal: Any) -> Task:
+                made = task(goal, move_base, build)
+                for key, value in settings.items():
+                    setattr(made, key, value)
+                return made
+
+            self._servers.append(Server(self.tasks, name, f"nav2_msgs/action/{kind}", make))
+
+        self._servers: list[Server] = []
+        controller = self.configuration.local_planner
+        controllers = ("", controller.namespace or controller.name, controller.name, "FollowPath")
+        waypoints = {
+            "stop_on_failure": self._stop_on_failure,
+            "codes_are_statuses": ros.has_message("nav2_msgs/msg/WaypointStatus"),
+        }
+        works = {
+            "copy": PlannerCopy(move_base, self.inbox),
+            "navigator": self,
+            "submit": self._submit,
+            "stamp_ns": self.clock.ns,
+        }
+        server("navigate_to_pose", "NavigateToPose", tasks.DriveTask)
+        server("navigate_through_poses", "NavigateThroughPoses", tasks.ThroughTask)
+        server("follow_waypoints", "FollowWaypoints", tasks.WaypointsTask, **waypoints)
+        server("follow_path", "FollowPath", tasks.FollowPathTask, controllers=controllers)
+        server("spin", "Spin", tasks.SpinTask)
+        server("backup", "BackUp", tasks.BackUpTask)
+        server("drive_on_heading", "DriveOnHeading", tasks.DriveOnHeadingTask)
+        server("wait", "Wait", tasks.WaitTask)
+        server("compute_path_to_pose", "ComputePathToPose", PlanTask, **works)
+        server("compute_path_through_poses", "ComputePathThroughPoses", PlanThroughTask, **works)
+        server("smooth_path", "SmoothPath", SmoothTask, **works)
+        client, kind = ros.load("rclpy.action").ActionClient, ros.message("nav2_msgs/action/NavigateToPose")
+        self._own_goals = self.node.create(lambda: client(self.node.handle, kind, "navigate_to_pose"))
+
+    def _submit(self, work: Callable[[], Any]) -> Any:
+        future = self.tasks.pool.submit(work)
+        future.add_done_callback(lambda done: self.inbox.wake())
+        return future
+
+    def _on_goal_pose(self, message: Any) -> None:
+        """Drive to a pose of RViz: a goal of the own action, as bt_navigator does."""
+        if hasattr(self, "_own_goals"):
+            goal = ros.message("nav2_msgs/action/NavigateToPose").Goal()
+            goal.pose = message
+            self.node.later(lambda: self._own_goals.send_goal_async(goal))
+        elif self.move_base is not None and self.tasks.is_active:
+            pose, frame, orientation = tasks.target_of(message)
+            self.move_base.send_goal(pose, frame, orientation=orientation)
+
+    # --- in the loop --------------------------------------------------------------------------------------------------
+
+    def publish_tick(self, move_base: MoveBase, tick: TickResult) -> None:
+        """Publish costmaps and plans."""
+        for topics, window in zip(self._costmaps, (tick.global_window, tick.local_window), strict=False):
+            topics.publish(tick.time, window)
+        if self._plans is not None:
+            self._plans.publish(move_base, tick)
+
+    def publish_state(self, move_base: MoveBase, now: float) -> None:
+        """Publish feedback and results."""
+        self.tasks.update(now)
+
+    def publish_rest(self, move_base: MoveBase, now: float) -> None:
+        """Publish the diagnostics."""
+        if self._diagnostics is not None:
+            self._diagnostics.publish(move_base, now)
+
+    def on_event(self, event: Event) -> None:
+        """Log events; every attempt to plan is published, one without a plan as an empty path."""
+        super().on_event(event)
+        if event.kind == "plan_failed" and self._plans is not None and self.move_base is not None:
+            self._plans.publish_plan(self.clock.ns(event.time), self.move_base.global_costmap.frame, np.empty((0, 3)))
+
+    def is_stopping(self) -> bool:
+        """Return True if the node must end."""
+        return self.node.is_stopping()
+
+    def shut_down(self, last: Callable[[], None]) -> None:
+        """Call `last`, end the goals, and disconnect."""
+
+        def end() -> None:
+            try:
+                last()
+            finally:
+                self.tasks.is_active = False
+                self.tasks.cancel_all(KILLED)
+                self.tasks.pool.shutdown(wait=False, cancel_futures=True)
+
+        self.node.shut_down(end)
+
+    def plan_publisher(self, path: Path) -> None:
+        """Publish a plan that a client has asked for."""
+        if self._plans is not None:
+            self._plans.publish_plan(self.clock.ns(self.clock.now()), path.frame, path.poses)
+
+
+# --- plans and smoothing on request -----------------------------------------------------------------------------------
+
+
+class PlanTask(tasks.WorkTask):
+    """ComputePathToPose."""
+
+    codes = tasks.PLANNER
+    copy: PlannerCopy
+    navigator: Navigator
+
+    def goals(self) -> list[Any]:
+        """Return the poses to plan to, in order."""
+        return [self.goal.goal]
+
+    def begin(self, now: float) -> None:
+        """Check the names, and hand the work over."""
+        planner = self.navigator.configuration.global_planner
+        known = ("", planner.namespace or planner.name, planner.name, "GridBased")
+        if str(self.goal.planner_id) not in known:
+            text = f'there is no planner "{self.goal.planner_id}"; there is {known[1]}'
+            raise tasks.InvalidChoiceError(text, code=self.codes.first + 1)
+        super().begin(now)
+
+    def work(self) -> Path:
+        """Plan from pose to pose."""
+        goals = self.goals()
+        if not goals:
+            raise tasks.InvalidChoiceError("the list of goals is empty; give at least one", code=self.codes.first + 9)
+        model, costmap, footprint = self.copy.snapshot()
+        start = self._pose(self.goal.start, costmap.frame) if self.goal.use_start else self._robot()
+        poses = [start, *(self._pose(goal, costmap.frame) for goal in goals)]
+        legs = [self.copy.plan(model, costmap, footprint, a, b).path.poses for a, b in itertools.pairwise(poses)]
+        return Path(np.concatenate(legs), costmap.frame)
+
+    def update(self, now: float) -> tasks.Outcome | None:
+        """Return the end; publish the plan."""
+        outcome = super().update(now)
+        if outcome is not None and self.found is not None:
+            self.navigator.plan_publisher(self.found)
+        return outcome
+
+    def _robot(self) -> Pose2D:
+        navigator = self.navigator
+
+        def pose() -> Pose2D:
+            return self.move_base.global_costmap.robot_pose(navigator.clock.now())
+
+        return navigator.inbox.call(pose)
+
+    def _pose(self, message: Any, frame: str) -> Pose2D:
+        given, navigator = msg.frame_of(message), self.navigator
+        pose = msg.pose_of(message.pose)
+        if given in ("", frame):
+            return pose
+
+        def lookup() -> Transform2D:
+            return navigator.robot.frames.lookup(frame, given)
+
+        return navigator.inbox.call(lookup).apply(pose)
+
+
+class PlanThroughTask(PlanTask):
+    """ComputePathThroughPoses."""
+
+    codes = tasks.PLANNER_THROUGH
+
+    def goals(self) -> list[Any]:
+        """Return the poses: a list, or nav_msgs/Goals."""
+        return list(getattr(self.goal.goals, "goals", self.goal.goals))
+
+
+class SmoothTask(tasks.WorkTask):
+    """SmoothPath."""
+
+    codes = tasks.SMOOTHER
+    copy: PlannerCopy
+    navigator: Navigator
+
+    def work(self) -> Path:
+        """Smooth the path by the smoother of the parameters, or by one of another name."""
+        path = tasks.path_of(self.goal.path)
+        if not len(path):
+            raise tasks.InvalidChoiceError("the path to smooth is empty", code=self.codes.first + 5)
+        name = str(self.goal.smoother_id)
+        planner = self.move_base.global_planner
+        own = planner.smoother if isinstance(planner, SmoothedPlanner) else None
+        if own is None or name not in ("", "simple_smoother"):
+            try:
+                cls = SMOOTHERS.get(name if name not in ("", "simple_smoother") else "simple").cls
+            except InputError as exc:
+                raise tasks.InvalidChoiceError(exc.message, code=self.codes.first + 1) from exc
+            own = cls(cls.Params())
+        else:
+            own = type(own)(own.params)
+        _, costmap, footprint = self.copy.snapshot()
+        return own.smooth(path, costmap, footprint=footprint)

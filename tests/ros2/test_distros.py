@@ -1,0 +1,105 @@
+"""Clients and servers of different distributions, several robots, and what a user sees without ROS 2.
+
+Spin, BackUp and NavigateThroughPoses have other fields from Kilted on: their clients and servers must be of one distribution.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.ros1.conftest import paced
+from tests.ros2.conftest import Graph, new_environment
+
+GO = """
+from nav2_msgs.action import NavigateToPose
+from nav2_msgs.srv import ClearEntireCostmap
+go = Action(NavigateToPose, "navigate_to_pose")
+handle = go.send(NavigateToPose.Goal(pose=stamped(float(sys.argv[2]), 7.45)))
+status, result = go.end(handle)
+found["go"] = [status, result.error_code]
+found["feedback"] = len(go.feedback) > 3
+found["bad"] = go.run(NavigateToPose.Goal(pose=stamped(600.0, 7.45)))[:2]
+handle = go.send(NavigateToPose.Goal(pose=stamped(11.0, 7.4)))
+spin(lambda: go.feedback, "feedback")
+wait(handle.cancel_goal_async(), "cancel")
+found["canceled"] = go.end(handle)[0]
+call(ClearEntireCostmap, "local_costmap/clear_entirely_local_costmap", ClearEntireCostmap.Request())
+found["cleared"] = True
+"""
+DISTRO = """
+from geometry_msgs.msg import Twist, TwistStamped
+spin(lambda: node.get_publishers_info_by_topic("/cmd_vel"), "cmd_vel")
+found["cmd_vel"] = node.get_publishers_info_by_topic("/cmd_vel")[0].topic_type
+"""
+TWO = """
+from nav2_msgs.action import NavigateToPose
+robots = [Action(NavigateToPose, f"{name}/navigate_to_pose") for name in ("robot1", "robot2")]
+goals = [stamped(3.0, 7.45), stamped(10.0, 7.4)]
+handles = [robot.send(NavigateToPose.Goal(pose=goal)) for robot, goal in zip(robots, goals)]
+found["ends"] = [robot.end(handle)[0] for robot, handle in zip(robots, handles)]
+found["nodes"] = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces() if name != "client")
+found["topics"] = [bool(node.get_publishers_info_by_topic(f"/{name}/cmd_vel")) for name in ("robot1", "robot2")]
+"""
+
+
+def test_a_client_of_jazzy_and_a_server_of_kilted(office: Graph) -> None:
+    found = office.ask(GO, "3.0", of=new_environment("jazzy"))
+    assert found["go"] == [4, 0] and found["feedback"]
+    assert found["bad"] == [6, 204] and found["canceled"] == 5 and found["cleared"]
+
+
+def test_jazzy(tmp_path: Path) -> None:
+    """The navigator and the simulator run with Jazzy: Twist, poses in a list; clients of Kilted drive them."""
+    graph = Graph(tmp_path, "jazzy")
+    try:
+        graph.start_sim("office", "--clock", "--speed", paced(2))
+        graph.start_navigator("--params", "turtlebot")
+        assert graph.ask(DISTRO)["cmd_vel"] == "geometry_msgs/msg/Twist"
+        found = graph.ask(GO, "2.0", of=new_environment("kilted"))
+        assert found["go"] == [4, 0] and found["bad"] == [6, 204] and found["canceled"] == 5 and found["cleared"]
+    finally:
+        graph.close()
+
+
+def test_two_robots(tmp_path: Path) -> None:
+    """Each robot in a namespace, with the frames and the tf of its own, on one clock."""
+    graph = Graph(tmp_path)
+    try:
+        tf = ("-r", "/tf:=tf", "-r", "/tf_static:=tf_static")
+        graph.start_sim("office", "--clock", "--start", "1.0,7.45", ros=("-r", "__ns:=/robot1", *tf))
+        other = ("-p", "use_sim_time:=true", "-r", "__ns:=/robot2", *tf)
+        graph.start_sim("office", "--start", "8.0,7.4", ros=other)
+        for name in ("robot1", "robot2"):
+            graph.start_navigator("--params", "turtlebot", ros=("-r", f"__ns:=/{name}", *tf))
+        found = graph.ask(TWO)
+        assert found["ends"] == [4, 4] and found["topics"] == [True, True]
+        assert {"/robot1/navigator", "/robot2/navigator", "/robot1/navstack_sim", "/robot2/navstack_sim"} <= set(
+            found["nodes"]
+        )
+    finally:
+        graph.close()
+
+
+def test_a_misspelt_parameter_of_ros(tmp_path: Path) -> None:
+    """`-p` overlays the files; a misspelt parameter is reported with the right name."""
+    graph = Graph(tmp_path)
+    try:
+        program = graph.navstack("navigator", "--params", "turtlebot", "--ros-args", "-p", "DWAPlannerROS.sim_tme:=2.0")
+        graph.wait_for_text(program, "sim_tme")
+        assert "sim_time" in graph.log_of(program)
+    finally:
+        graph.close()
+
+
+@pytest.mark.parametrize("command", ["sim", "navigator"])
+def test_without_rclpy(command: str) -> None:
+    """This interpreter has no rclpy."""
+    done = subprocess.run(
+        [sys.executable, "-m", "navstack", "ros2", command], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 2
+    assert "source ROS 2 first" in done.stderr and "Traceback" not in done.stderr

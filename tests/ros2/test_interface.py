@@ -1,0 +1,241 @@
+"""Topics with types and quality of service, services, late joiners, parameters and life cycle of the nodes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.ros2.conftest import Graph
+
+GRAPH = """
+from nav_msgs.msg import OccupancyGrid, Path
+from nav2_msgs.msg import Costmap, ParticleCloud
+from geometry_msgs.msg import PolygonStamped, PoseWithCovarianceStamped
+from sensor_msgs.msg import BatteryState, Imu, LaserScan
+from nav2_msgs.action import NavigateToPose
+
+Action(NavigateToPose, "navigate_to_pose")
+spin(lambda: {"navigator", "navstack_sim"} <= set(node.get_node_names()), "both nodes")
+
+def quality(topic):
+    infos = node.get_publishers_info_by_topic(topic)
+    profile = infos[0].qos_profile
+    return [infos[0].topic_type, "R" if profile.reliability == ReliabilityPolicy.RELIABLE else "B",
+            "T" if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL else "V"]
+
+names = ["/map", "/scan", "/odom", "/tf", "/tf_static", "/clock", "/cmd_vel", "/plan", "/local_plan", "/imu", "/battery_state",
+         "/local_costmap/costmap", "/global_costmap/costmap", "/global_costmap/costmap_raw", "/global_costmap/costmap_updates",
+         "/local_costmap/published_footprint", "/amcl_pose", "/particle_cloud"]
+spin(lambda: all(node.get_publishers_info_by_topic(name) for name in names), "publishers")
+found["topics"] = {name: quality(name) for name in names}
+found["subscribed"] = {name: len(node.get_subscriptions_info_by_topic(name))
+                       for name in ("/goal_pose", "/speed_limit", "/initialpose", "/cmd_vel", "/local_costmap/footprint")}
+found["services"] = sorted(name for name, _ in node.get_service_names_and_types_by_node("navigator", "/"))
+found["sim services"] = sorted(name for name, _ in node.get_service_names_and_types_by_node("navstack_sim", "/"))
+
+# a late subscriber gets the map and both costmaps
+grid = first(OccupancyGrid, "map", latched=True)
+found["map"] = [grid.info.width, grid.info.height, grid.header.frame_id, 100 in grid.data]
+costmap = first(OccupancyGrid, "global_costmap/costmap", latched=True)
+found["costmap"] = [costmap.info.width == grid.info.width, costmap.header.frame_id, 100 in costmap.data, max(costmap.data)]
+raw = first(Costmap, "global_costmap/costmap_raw", latched=True)
+found["raw"] = [raw.metadata.size_x == grid.info.width, max(raw.data) >= 254, len(raw.data) == len(costmap.data)]
+local = first(OccupancyGrid, "local_costmap/costmap", latched=True)
+found["local"] = [local.header.frame_id, local.info.width > 10]
+found["footprint"] = len(first(PolygonStamped, "local_costmap/published_footprint").polygon.points)
+scan = first(LaserScan, "scan", depth=5, reliable=False)
+found["scan"] = [len(scan.ranges) > 50, scan.header.frame_id]
+found["battery"] = first(BatteryState, "battery_state", depth=5).present
+found["imu"] = first(Imu, "imu", depth=5).linear_acceleration.z
+found["pose"] = first(PoseWithCovarianceStamped, "amcl_pose", latched=True).header.frame_id
+found["particles"] = len(first(ParticleCloud, "particle_cloud", reliable=False).particles)
+"""
+SERVICES = """
+from geometry_msgs.msg import Point32, Polygon, PoseWithCovarianceStamped
+from nav_msgs.srv import GetMap
+from nav2_msgs.msg import SpeedLimit
+from nav2_msgs.srv import ClearCostmapAroundRobot, ClearCostmapExceptRegion, ClearEntireCostmap, GetCostmap, GetCosts
+from nav2_msgs.srv import IsPathValid, LoadMap
+from nav2_msgs.action import ComputePathToPose, NavigateToPose
+from nav_msgs.msg import Odometry, Path
+
+for name in ("local_costmap", "global_costmap"):
+    call(ClearEntireCostmap, f"{name}/clear_entirely_{name}", ClearEntireCostmap.Request())
+    call(ClearCostmapAroundRobot, f"{name}/clear_around_{name}", ClearCostmapAroundRobot.Request(reset_distance=1.0))
+    call(ClearCostmapExceptRegion, f"{name}/clear_except_{name}", ClearCostmapExceptRegion.Request(reset_distance=1.0))
+costmap = call(GetCostmap, "global_costmap/get_costmap", GetCostmap.Request()).map
+found["costmap"] = [costmap.header.frame_id, len(costmap.data) == costmap.metadata.size_x * costmap.metadata.size_y]
+costs = call(GetCosts, "global_costmap/get_cost_global_costmap",
+             GetCosts.Request(use_footprint=False, poses=[stamped(3.0, 7.45), stamped(600.0, 0.0)]))
+found["costs"] = [list(costs.costs), costs.success]
+plan = Action(ComputePathToPose, "compute_path_to_pose")
+_, result = plan.end(plan.send(ComputePathToPose.Goal(goal=stamped(6.0, 7.45))))
+found["valid"] = call(IsPathValid, "is_path_valid", IsPathValid.Request(path=result.path, max_cost=254)).is_valid
+wall = Path()
+wall.header.frame_id = "map"
+wall.poses = [stamped(3.0, 7.45 + 0.1 * i) for i in range(60)]
+answer = call(IsPathValid, "is_path_valid", IsPathValid.Request(path=wall, max_cost=254))
+found["through a wall"] = [answer.is_valid, len(answer.invalid_pose_indices)]
+grid = call(GetMap, "map_server/map", GetMap.Request()).map
+answer = call(LoadMap, "map_server/load_map", LoadMap.Request(map_url=sys.argv[2]))
+found["load map"] = [answer.result, answer.map.info.width == grid.info.width]
+found["load nothing"] = call(LoadMap, "map_server/load_map", LoadMap.Request(map_url="/nowhere/map.yaml")).result
+
+# the speed is limited by a topic, in percent
+limits = node.create_publisher(SpeedLimit, "speed_limit", 10)
+spin(lambda: limits.get_subscription_count(), "a subscriber of speed limits")
+go = Action(NavigateToPose, "navigate_to_pose")
+
+def fastest(x):
+    speeds = []
+    listening = node.create_subscription(Odometry, "odom", lambda m: speeds.append(m.twist.twist.linear.x), 10)
+    go.run(NavigateToPose.Goal(pose=stamped(x, 7.45)))
+    node.destroy_subscription(listening)
+    return max(speeds)
+
+free = fastest(4.0)
+limits.publish(SpeedLimit(percentage=True, speed_limit=50.0))
+slow = fastest(2.0)
+limits.publish(SpeedLimit(percentage=False, speed_limit=0.0))
+found["speeds"] = [free, slow, fastest(4.0)]
+
+# goals and poses of RViz
+goals = node.create_publisher(type(stamped(0.0, 0.0)), "goal_pose", 1)
+spin(lambda: goals.get_subscription_count(), "a subscriber of goal_pose")
+goals.publish(stamped(2.0, 7.45))
+spin(lambda: abs(robot()[0] - 2.0) < 0.25, "the goal of RViz")
+poses = node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
+spin(lambda: poses.get_subscription_count(), "a subscriber of initialpose")
+message = PoseWithCovarianceStamped()
+message.header.frame_id = "map"
+message.pose.pose = stamped(1.0, 7.45).pose
+poses.publish(message)
+spin(lambda: abs(robot()[0] - 1.0) < 0.05, "the initial pose")
+found["placed"] = True
+"""
+PARAMETERS = """
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters, SetParametersAtomically
+from rcl_interfaces.msg import Parameter as Message, ParameterValue, ParameterType
+
+def double(name, value):
+    return Message(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+
+RADIUS, SIM = "local_costmap.inflation_layer.inflation_radius", "DWAPlannerROS.sim_time"
+listed = call(ListParameters, "navigator/list_parameters", ListParameters.Request()).result.names
+found["listed"] = [len(listed) > 100, RADIUS in listed, SIM in listed, "use_sim_time" in listed]
+
+def value(name):
+    return call(GetParameters, "navigator/get_parameters", GetParameters.Request(names=[name])).values[0].double_value
+
+def change(*items):
+    answer = call(SetParameters, "navigator/set_parameters", SetParameters.Request(parameters=list(items)))
+    return [[one.successful, one.reason] for one in answer.results]
+
+text = call(DescribeParameters, "navigator/describe_parameters", DescribeParameters.Request(names=[RADIUS])).descriptors[0]
+found["described"] = bool(text.description)
+found["change"] = change(double(RADIUS, 0.44))
+found["changed"] = value(RADIUS)
+found["out of range"] = change(double(SIM, -1.0))
+found["kept"] = value(SIM)
+found["fixed"] = change(Message(name="local_costmap.global_frame",
+                                value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="other")))
+found["other type"] = change(Message(name=SIM, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="x")))
+found["unknown"] = change(double("DWAPlannerROS.sim_tme", 2.0))
+both = SetParametersAtomically.Request(parameters=[double(RADIUS, 0.5), double(SIM, -1.0)])
+answer = call(SetParametersAtomically, "navigator/set_parameters_atomically", both).result
+found["atomic"] = [answer.successful, value(RADIUS)]
+"""
+LIFE_CYCLE = """
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
+from nav2_msgs.action import NavigateToPose
+
+def state(name="navigator"):
+    return call(GetState, f"{name}/get_state", GetState.Request()).current_state.label
+
+def change(number):
+    request = ChangeState.Request(transition=Transition(id=number))
+    return call(ChangeState, "navigator/change_state", request).success
+
+go = Action(NavigateToPose, "navigate_to_pose")
+goal = NavigateToPose.Goal(pose=stamped(11.0, 7.4))
+spin(lambda: state() == "active", "the active state")
+found["parts"] = [state(name) for name in ("bt_navigator", "planner_server", "controller_server", "amcl", "map_server")]
+states = call(GetAvailableStates, "navigator/get_available_states", GetAvailableStates.Request()).available_states
+found["states"] = {"unconfigured", "inactive", "active", "finalized"} <= {one.label for one in states}
+moves = call(GetAvailableTransitions, "navigator/get_available_transitions", GetAvailableTransitions.Request())
+found["transitions"] = sorted(one.transition.label for one in moves.available_transitions)
+handle = go.send(goal)
+spin(lambda: go.feedback, "feedback")
+found["deactivate"] = [change(Transition.TRANSITION_DEACTIVATE), state(), state("bt_navigator")]
+found["goal"] = go.end(handle)[0]
+found["rejected"] = go.run(goal)
+found["cleanup"] = [change(Transition.TRANSITION_CLEANUP), state()]
+found["not allowed"] = change(Transition.TRANSITION_ACTIVATE)
+found["again"] = [change(Transition.TRANSITION_CONFIGURE), change(Transition.TRANSITION_ACTIVATE), state()]
+found["accepted"] = go.run(NavigateToPose.Goal(pose=stamped(robot()[0], 7.45)))[:2]
+"""
+
+
+def test_topics_and_late_joiners(office: Graph) -> None:
+    found = office.ask(GRAPH)
+    topics = found["topics"]
+    assert topics["/map"] == ["nav_msgs/msg/OccupancyGrid", "R", "T"]
+    assert topics["/scan"] == ["sensor_msgs/msg/LaserScan", "B", "V"]
+    assert topics["/odom"] == ["nav_msgs/msg/Odometry", "R", "V"]
+    assert topics["/tf"] == ["tf2_msgs/msg/TFMessage", "R", "V"] and topics["/tf_static"][1:] == ["R", "T"]
+    assert topics["/clock"] == ["rosgraph_msgs/msg/Clock", "R", "V"]
+    assert topics["/cmd_vel"] == ["geometry_msgs/msg/TwistStamped", "R", "V"]
+    assert topics["/plan"] == topics["/local_plan"] == ["nav_msgs/msg/Path", "R", "V"]
+    for name in ("/local_costmap/costmap", "/global_costmap/costmap"):
+        assert topics[name] == ["nav_msgs/msg/OccupancyGrid", "R", "T"]
+    assert topics["/global_costmap/costmap_raw"] == ["nav2_msgs/msg/Costmap", "R", "T"]
+    assert topics["/global_costmap/costmap_updates"] == ["map_msgs/msg/OccupancyGridUpdate", "R", "T"]
+    assert topics["/local_costmap/published_footprint"] == ["geometry_msgs/msg/PolygonStamped", "R", "V"]
+    assert topics["/amcl_pose"] == ["geometry_msgs/msg/PoseWithCovarianceStamped", "R", "T"]
+    assert topics["/particle_cloud"] == ["nav2_msgs/msg/ParticleCloud", "B", "V"]
+    assert all(count == 1 for count in found["subscribed"].values()), found["subscribed"]
+    clear = "/global_costmap/clear_entirely_global_costmap"
+    assert {clear, "/is_path_valid", "/navigator/change_state", "/bt_navigator/get_state"} <= set(found["services"])
+    assert {"/map_server/load_map", "/amcl/get_state"} <= set(found["sim services"])
+    assert found["map"][2:] == ["map", True] and found["costmap"] == [True, "map", True, 100]
+    assert found["raw"] == [True, True, True] and found["local"] == ["odom", True]
+    assert found["footprint"] > 4 and found["scan"][0] and found["battery"] and found["particles"] == 1
+    assert found["imu"] == pytest.approx(9.81) and found["pose"] == "map"
+
+
+def test_services_and_messages_in(office: Graph) -> None:
+    from navstack.map_io import map_path
+
+    found = office.ask(SERVICES, str(map_path("office")))
+    assert found["costmap"] == ["map", True]
+    assert found["costs"][0][1] == -1.0 and 0.0 <= found["costs"][0][0] < 253.0 and not found["costs"][1]
+    assert found["valid"] and found["through a wall"] == [False, 1]
+    assert found["load map"] == [0, True] and found["load nothing"] == 255
+    free, slow, again = found["speeds"]
+    assert slow <= 0.55 * free and again == pytest.approx(free, rel=0.1)
+    assert found["placed"]
+
+
+def test_parameters(office: Graph) -> None:
+    found: dict[str, Any] = office.ask(PARAMETERS)
+    assert found["listed"] == [True, True, True, True] and found["described"]
+    assert found["change"] == [[True, ""]] and found["changed"] == 0.44
+    ((done, reason),) = found["out of range"]
+    assert not done and "sim_time" in reason and found["kept"] > 0.0
+    ((done, reason),) = found["fixed"]
+    assert not done and "global_frame" in reason
+    assert not found["other type"][0][0] and not found["unknown"][0][0]
+    assert found["atomic"] == [False, 0.44]
+
+
+def test_life_cycle(office: Graph) -> None:
+    """As a lifecycle_manager drives it."""
+    found = office.ask(LIFE_CYCLE)
+    assert found["parts"] == ["active"] * 5 and found["states"]
+    assert "deactivate" in found["transitions"]
+    assert found["deactivate"] == [True, "inactive", "inactive"] and found["goal"] == 6
+    assert found["rejected"] == ["rejected"]
+    assert found["cleanup"] == [True, "unconfigured"] and not found["not allowed"]
+    assert found["again"] == [True, True, "active"] and found["accepted"] == [4, 0]
