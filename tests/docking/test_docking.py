@@ -289,8 +289,8 @@ def test_a_scenario_file_with_a_low_battery(tmp_path: Path) -> None:
     made = load_scenario(file)
     assert made.low_battery is not None
     assert (made.low_battery.threshold, made.low_battery.resume) == (0.3, 0.9)
-    file.write_text(text.replace("threshold", "treshold"))
-    with pytest.raises(InputError, match=r"charge.yaml:4:\d+.*treshold"):
+    file.write_text(text.replace("threshold", "thresholds"))
+    with pytest.raises(InputError, match=r"charge.yaml:4:\d+.*thresholds"):
         load_scenario(file)
 
 
