@@ -237,7 +237,8 @@ def _read_yaml(path: Path) -> _Yaml:
             raise MapError(f"{path} is not a text file; pass the YAML file of the map", file=str(path)) from None
         line = exc.object.count(b"\n", 0, exc.start) + 1
         raise MapError(
-            f"{path}:{line}: the byte 0x{exc.object[exc.start]:02x} is not UTF-8; save the file as UTF-8", file=str(path)
+            f"{path}:{line}: the byte 0x{exc.object[exc.start]:02x} is not UTF-8; save the file as UTF-8",
+            file=str(path),
         ) from None
     except OSError as exc:
         raise MapError(f"cannot read the map {path}: {exc.strerror or exc}", file=str(path)) from exc
