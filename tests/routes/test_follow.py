@@ -175,7 +175,7 @@ def test_steps_of_files(tmp_path: Path) -> None:
         ({"route": "a.geojson", "to": "sofa"}, 'to "sofa" of the route is not a place; known places: desk'),
         ({"route": "b.geojson", "to": 1}, "b.geojson cannot be read"),
         ({"route": "a.geojson"}, "to of the step route"),
-        ({"route": "a.geojson", "to": 1, "folow": "path"}, "known keys: route, to, follow"),
+        ({"route": "a.geojson", "to": 1, "follow_": "path"}, "known keys: route, to, follow"),
     ):
         with pytest.raises(InvalidMotionError) as error:
             read_step(values, places={"desk": Pose2D(0.0, 0.0, 0.0)}, folder=tmp_path)

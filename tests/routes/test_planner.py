@@ -223,7 +223,7 @@ def test_limits_and_nodes_that_are_not_there() -> None:
             "D.plugin is 'nav2_route::Distance', which is unknown",
         ),
         ({"edge_cost_functions": "D"}, "edge_cost_functions is 'D'; write a list"),
-        ({"DistanceScorer.wieght": 2.0}, "DistanceScorer has no parameter wieght; did you mean weight?"),
+        ({"DistanceScorer.weight_": 2.0}, "DistanceScorer has no parameter weight_; did you mean weight?"),
         ({"DistanceScorer": {"weight": "a"}}, "DistanceScorer: weight is 'a'"),
         ({"prune_gaol": True}, "the route server has no parameter prune_gaol; did you mean prune_goal?"),
         (
