@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -43,7 +42,6 @@ class TargetPose(NamedTuple):
     """A quaternion (x, y, z, w), whose heading replaces that of the pose."""
 
 
-@dataclass(frozen=True, slots=True)
 class PoseSequence:
     """One drive. The owner ticks the goal manager, calls `update`, and runs the task of a waypoint."""
 
