@@ -19,7 +19,7 @@ app = typer.Typer(
     name="ros2",
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Nodes for ROS 2 (your sourced installation): the navigator in place of Nav2, and the simulated robot.",
+    help="Nodes for ROS 2 (your sourced installation): the navigator in place of Nav2, the simulated robot.",
 )
 ROS_ARGS: Final = "--ros-args"
 NODE: Final[dict[str, Any]] = {"allow_extra_args": True}

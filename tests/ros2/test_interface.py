@@ -29,8 +29,10 @@ names = ["/map", "/scan", "/odom", "/tf", "/tf_static", "/clock", "/cmd_vel", "/
          "/local_costmap/published_footprint", "/amcl_pose", "/particle_cloud"]
 spin(lambda: all(node.get_publishers_info_by_topic(name) for name in names), "publishers")
 found["topics"] = {name: quality(name) for name in names}
-found["subscribed"] = {name: len(node.get_subscriptions_info_by_topic(name))
-                       for name in ("/goal_pose", "/speed_limit", "/initialpose", "/cmd_vel", "/local_costmap/footprint")}
+inputs = ("/goal_pose", "/speed_limit", "/initialpose", "/cmd_vel", "/local_costmap/footprint")
+spin(lambda: all(node.get_subscriptions_info_by_topic(name) for name in inputs), "subscribers")
+spin(lambda: "/bt_navigator/get_state" in dict(node.get_service_names_and_types()), "services")
+found["subscribed"] = {name: len(node.get_subscriptions_info_by_topic(name)) for name in inputs}
 found["services"] = sorted(name for name, _ in node.get_service_names_and_types_by_node("navigator", "/"))
 found["sim services"] = sorted(name for name, _ in node.get_service_names_and_types_by_node("navstack_sim", "/"))
 
