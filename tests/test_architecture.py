@@ -92,11 +92,13 @@ def test_imports_go_down_only() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.slow
 def test_packages_import_faces_only() -> None:
     wrong = [f"{where(module, line)}: {target}" for module, target, _, line in across() if target.count(".") > 1]
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.slow
 def test_no_private_name_crosses_a_package() -> None:
     wrong = [f"{where(module, line)}: {name}" for module, _, name, line in across() if name.startswith("_")]
     assert not wrong, "\n".join(wrong)
@@ -115,6 +117,7 @@ def origin_of(module: str, name: str) -> str:
     return module
 
 
+@pytest.mark.slow
 def test_no_import_circles_also_for_types() -> None:
     graph: dict[str, set[str]] = {}
     for module in FILES:
@@ -151,6 +154,7 @@ def test_faces_hold_names_only() -> None:
             assert isinstance(node, ast.ImportFrom | ast.If), f"{FILES[face]}:{node.lineno}"
 
 
+@pytest.mark.slow
 def test_every_name_of_a_face_is_there() -> None:
     for face in FACES:
         module = importlib.import_module(face)
@@ -158,6 +162,7 @@ def test_every_name_of_a_face_is_there() -> None:
             assert getattr(module, name) is not None, f"{face}.{name}"
 
 
+@pytest.mark.slow
 def test_no_module_hides_a_name_of_a_face() -> None:
     import navstack
 

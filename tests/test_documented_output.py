@@ -68,6 +68,7 @@ def test_the_first_run(printed: dict[str, str]) -> None:
     assert {words(line) for line in first_run()} <= shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_quoted_lines_are_printed(page: str, printed: dict[str, str]) -> None:
     """In this order; `..` stands for omitted text, line breaks do not matter."""

@@ -52,6 +52,7 @@ def test_the_files_are_absent() -> None:
     pytest.skip("no files of Nav2: set NAVSTACK_NAV2_PARAMS to their folder")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_a_file_loads_or_says_why_not(path: Path) -> None:
     found = check_parameters([str(path)])
