@@ -6,13 +6,15 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
+from rich.markup import escape
 
 from navstack.cli import options
 from navstack.cli.lazy_group import Command
-from navstack.cli.output import print_warnings
+from navstack.cli.output import print_warnings, stdout
 from navstack.cli.scenario_options import ScenarioOptions
-from navstack.core import InputError
-from navstack.ros2 import Navigator, RosNode, SimNode, load, managed_node
+from navstack.core import InputError, resolved
+from navstack.parameters import load_configuration
+from navstack.ros2 import Navigator, RosNode, SimNode, advise, load, managed_node
 from navstack.ros_node import RecordFolder
 
 app = typer.Typer(
@@ -115,4 +117,56 @@ def sim(
     node = RosNode(name, arguments)
     node.start()
     SimNode(scenario, node, speed=speed, clock=clock).spin()
+    return 0
+
+
+@app.command("install")
+def install(
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="DIR", help="The src folder of a colcon workspace, or any folder.")
+    ] = None,
+    params: Annotated[
+        list[str],
+        typer.Option(
+            "--params", metavar="PARAMS", help="Packaged set or YAML file, copied (repeatable); default: turtlebot."
+        ),
+    ] = [],
+    map_: Annotated[
+        str, typer.Option("--map", metavar="MAP", help="Packaged map or YAML file, copied with its image.")
+    ] = "office",
+    force: Annotated[bool, typer.Option("--force", help="Replace a package that navstack wrote before.")] = False,
+    launch: Annotated[
+        list[Path],
+        typer.Option("--launch", metavar="FILE", help="Launch file: print what its nodes must become (repeatable)."),
+    ] = [],
+) -> int:
+    """Write the package navstack_ros2 for colcon: nodes, launch files (Python, XML), RViz 2, your parameters and map.
+
+    Needs no ROS 2 itself. `--launch` takes launch files in Python or XML, such as those of nav2_bringup. Exit codes: 0 written,
+    2 invalid input or an existing package.
+    """
+    if folder is None and not launch:
+        raise InputError("nothing to do: name a folder for the package, or a launch file with --launch")
+    advice = [(file, advise(file)) for file in launch]
+    out = stdout()
+    if folder is not None:
+        from navstack.map_io import load_map
+        from navstack.ros2 import install as write
+
+        chosen = params or ["turtlebot"]
+        print_warnings(load_configuration(chosen))
+        load_map(map_)
+        out.print(escape(str(write(folder, chosen, map_, force=force))), soft_wrap=True, highlight=False)
+        workspace = folder.parent if folder.name == "src" else folder
+        out.print(
+            escape(f"cd {resolved(workspace)} && colcon build && source install/setup.bash"),
+            soft_wrap=True,
+            highlight=False,
+        )
+        out.print("ros2 launch navstack_ros2 demo.launch.py", highlight=False)
+    for file, lines in advice:
+        for line in lines:
+            out.print(escape(str(line)), soft_wrap=True, highlight=False)
+        if not lines:
+            out.print(escape(f"{file}: no node of it has to change"), soft_wrap=True, highlight=False)
     return 0

@@ -6,8 +6,10 @@ rclpy and the messages are those of the user's installation; they are imported o
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.ros2.launch_advice import advise as advise
     from navstack.ros2.lifecycle import managed_node as managed_node
     from navstack.ros2.navigator import Navigator as Navigator
+    from navstack.ros2.packages import install as install
     from navstack.ros2.parameters import load as load
     from navstack.ros2.ros import RosNode as RosNode
     from navstack.ros2.sim_node import SimNode as SimNode

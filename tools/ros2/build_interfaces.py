@@ -12,13 +12,16 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy
 
 PACKAGES = ("tf2_msgs", "geographic_msgs", "map_msgs", "nav2_msgs")
 """In the order of their dependencies."""
+TOGETHER = 12
+"""Generated sources that are compiled as one."""
 PREFIX = Path(sys.prefix)
 SITE = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
 GENERATE = {
@@ -37,7 +40,7 @@ GENERATE = {
 }
 """Code that runs each generator on a file of arguments."""
 SOURCES = {
-    "rosidl_generator_c": ("detail/*__functions.c", "detail/*__description.c", "detail/*__type_support.c"),
+    "rosidl_generator_c": ("detail/*__functions.c", "detail/*__type_support.c", "detail/*__description.c"),
     "rosidl_typesupport_fastrtps_c": ("detail/*__type_support_c.cpp",),
     "rosidl_typesupport_introspection_c": ("detail/*__type_support.c",),
     "rosidl_typesupport_c": ("*__type_support.cpp",),
@@ -73,8 +76,28 @@ class Build:
         includes += [Path(sysconfig.get_paths()["include"]), Path(numpy.get_include())]
         self.includes = [f"-I{folder}" for folder in includes]
 
-    def package(self, name: str, texts: dict[str, str]) -> None:
-        """Generate and compile one package."""
+    def packages(self, texts: dict[str, dict[str, str]]) -> None:
+        """Generate all packages, with a process for each generator, and compile them in the order of their dependencies."""
+        arguments: dict[str, list[str]] = {generator: [] for generator in GENERATE}
+        for name in PACKAGES:
+            for generator, file in self._described(name, texts[name]).items():
+                arguments[generator].append(file)
+        running = []
+        for generator, code in GENERATE.items():
+            lines = "\n".join(code.format(file) for file in arguments[generator])
+            running.append((generator, subprocess.Popen([sys.executable, "-c", lines])))
+        for generator, process in running:
+            if process.wait() != 0:
+                raise SystemExit(f"{generator} failed")
+        for name in PACKAGES:
+            self.includes += [f"-I{self.work / 'c' / name}", f"-I{self.work / 'introspection' / name}"]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            compiled = {name: self._compile(name, pool) for name in PACKAGES}
+            for name, objects in compiled.items():
+                self._link_package(name, objects)
+
+    def _described(self, name: str, texts: dict[str, str]) -> dict[str, str]:
+        """Write the definitions, hashes and folders of a package; return a file of arguments for each generator."""
         from rosidl_adapter import convert_to_idl
         from rosidl_generator_type_description import generate_type_hash
 
@@ -104,30 +127,23 @@ class Build:
             (python / folder).mkdir(parents=True, exist_ok=True)
             (headers / name / folder).mkdir(parents=True, exist_ok=True)
         (python / "__init__.py").touch()
-        running: list[tuple[str, subprocess.Popen[bytes]]] = []
-        for generator, code in GENERATE.items():
+        found: dict[str, str] = {}
+        for generator in GENERATE:
             target = python if generator == "rosidl_generator_py" else headers / name
             if generator == "rosidl_typesupport_introspection_c":
-                target = (
-                    self.work / "introspection" / name / name
-                )  # its sources have the names of those of rosidl_generator_c
-            template = PREFIX / "share" / generator / "resource"
+                # its sources have the names of those of rosidl_generator_c
+                target = self.work / "introspection" / name / name
             arguments = {
                 **common,
                 "output_dir": str(target),
-                "template_dir": str(template),
+                "template_dir": str(PREFIX / "share" / generator / "resource"),
                 "type_description_tuples": tuples,
             }
-            code = code.format(self._arguments(name, generator, arguments))
-            running.append((generator, subprocess.Popen([sys.executable, "-c", code])))
+            found[generator] = self._arguments(name, generator, arguments)
             self._visibility(generator, name, headers / name / "msg")
-        for generator, process in running:
-            if process.wait() != 0:
-                raise SystemExit(f"{generator} failed for {name}")
-        self.includes += [f"-I{headers}", f"-I{self.work / 'introspection' / name}"]
-        self._compile(name, headers / name, python)
+        return found
 
-    def _arguments(self, name: str, step: str, values: dict[str, object]) -> str:
+    def _arguments(self, name: str, step: str, values: Mapping[str, object]) -> str:
         file = self.work / f"{name}_{step}.json"
         file.write_text(json.dumps(values))
         return str(file)
@@ -139,20 +155,45 @@ class Build:
             text = template.read_text().replace("@PROJECT_NAME_UPPER@", name.upper()).replace("@PROJECT_NAME@", name)
             (folder / template.name.removesuffix(".in")).write_text(text)
 
-    def _compile(self, name: str, generated: Path, python: Path) -> None:
+    def _compile(self, name: str, pool: ThreadPoolExecutor) -> dict[str, list[Future[Path]]]:
+        """Begin to compile a package; return the objects of each library."""
+        python = self.site / name
         groups: dict[str, list[Path]] = {}
         for generator, patterns in SOURCES.items():
-            folder = generated
+            folder = self.work / "c" / name / name
             if generator == "rosidl_typesupport_introspection_c":
                 folder = self.work / "introspection" / name / name
-            groups[generator] = [file for pattern in patterns for file in sorted(folder.glob(f"*/{pattern}"))]
-        groups["rosidl_generator_py"] = sorted(python.glob("*/_*_s.c"))
-        entry = python / f"_{name}_s.ep.rosidl_typesupport_c.c"
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            objects = {key: pool.map(self._object, files) for key, files in {**groups, "entry": [entry]}.items()}
-            for key in groups:
-                self._link(objects[key], self.libraries / f"lib{name}__{key}.so")
-            self._link(objects["entry"], python / f"{name}_s__rosidl_typesupport_c.so")
+            groups[generator] = [
+                file
+                for pattern in patterns
+                for file in self._together(f"{name}_{generator}", sorted(folder.glob(f"*/{pattern}")))
+            ]
+        groups["rosidl_generator_py"] = self._together(f"{name}_py", sorted(python.glob("*/_*_s.c")))
+        groups["entry"] = [python / f"_{name}_s.ep.rosidl_typesupport_c.c"]
+        return {key: [pool.submit(self._object, file) for file in files] for key, files in groups.items()}
+
+    def _together(self, name: str, files: list[Path]) -> list[Path]:
+        """Return files that include the given ones: most of the time of gcc goes into the headers that these share.
+
+        Descriptions stay apart: their names clash.
+        """
+        if not files or files[0].name.endswith("__description.c"):
+            return files
+        suffix = files[0].suffix
+        found = []
+        for number in range(0, len(files), TOGETHER):
+            unit = self.work / f"{name}_{files[0].stem}_{number}{suffix}"
+            unit.write_text("".join(f'#include "{file}"\n' for file in files[number : number + TOGETHER]))
+            found.append(unit)
+        return found
+
+    def _link_package(self, name: str, objects: dict[str, list[Future[Path]]]) -> None:
+        python = self.site / name
+        for key, found in objects.items():
+            target = self.libraries / f"lib{name}__{key}.so"
+            if key == "entry":
+                target = python / f"{name}_s__rosidl_typesupport_c.so"
+            self._link([future.result() for future in found], target)
         for file in (*python.glob("*.c"), *python.glob("*/*.c")):
             file.unlink()
 
@@ -165,7 +206,7 @@ class Build:
         )
         return target
 
-    def _link(self, objects: object, target: Path) -> None:
+    def _link(self, objects: list[Path], target: Path) -> None:
         libraries = [f"-L{folder}" for folder in (self.libraries, PREFIX / "lib")]
         names = [
             file.name[3:-3] for folder in (self.libraries, PREFIX / "lib") for file in sorted(folder.glob("lib*.so"))
@@ -193,8 +234,7 @@ def main() -> None:
     texts = read_definitions(definitions, distro)
     with tempfile.TemporaryDirectory() as folder:
         build = Build(Path(folder), out)
-        for name in PACKAGES:
-            build.package(name, texts[name])
+        build.packages(texts)
 
 
 if __name__ == "__main__":
