@@ -116,9 +116,13 @@ class GraphDraft:
         if not new:
             edge = there[start, end]
             both = " both ways" if both_ways else ""
-            raise InputError(f"edge {edge} connects node {start} to {end}{both} already; select it to change it", edge=edge)
+            raise InputError(
+                f"edge {edge} connects node {start} to {end}{both} already; select it to change it", edge=edge
+            )
         if len(self.edges) + len(new) > MAX_EDGES:
-            raise InputError(f"the graph has {len(self.edges)} edges, and at most {MAX_EDGES} can be edited; delete some")
+            raise InputError(
+                f"the graph has {len(self.edges)} edges, and at most {MAX_EDGES} can be edited; delete some"
+            )
         first = self._free_ids(len(new))
         self._keep()
         for number, (a, b) in enumerate(new, first):

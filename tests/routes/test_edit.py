@@ -73,7 +73,9 @@ def test_attributes_are_set_and_removed() -> None:
     k = graph.edge(edge)
     assert graph.edge_metadata[k] == {"clearance": 0.5, "speed_limit": 0.4, "penalty": 2.0, "class": "narrow"}
     assert graph.costs[k] == 3.5 and not graph.overridable[k]
-    draft.set_attributes([edge], {"penalty": None, "class": None, "cost": None, "overridable": None, "speed_limit": None})
+    draft.set_attributes(
+        [edge], {"penalty": None, "class": None, "cost": None, "overridable": None, "speed_limit": None}
+    )
     assert draft.edges[edge].metadata == {"clearance": 0.5}
     assert draft.edges[edge].cost == 0.0 and draft.edges[edge].overridable
 
@@ -93,7 +95,10 @@ def test_attributes_are_set_and_removed() -> None:
         (lambda d: d.set_attributes([4], {"penalty": True}), "penalty is True; give a number from 0"),
         (lambda d: d.set_attributes([4], {"class": ""}), "class is ''; give a text"),
         (lambda d: d.set_attributes([4], {"overridable": "no"}), "overridable is 'no'; give true or false"),
-        (lambda d: d.set_attributes([4], {"color": "red"}), '"color" is not an attribute of an edge; known: speed_limit'),
+        (
+            lambda d: d.set_attributes([4], {"color": "red"}),
+            '"color" is not an attribute of an edge; known: speed_limit',
+        ),
         (lambda d: d.set_attributes([], {"cost": 1.0}), "no edge is selected"),
         (lambda d: GraphDraft().undo(), "there is no change to undo"),
     ],

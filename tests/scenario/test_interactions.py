@@ -213,7 +213,9 @@ def test_a_step_begins_at_once_and_the_queue_follows(tmp_path: Path) -> None:
     graph = build_graph({0: (0.8, 7.45), 1: (2.0, 7.45), 2: (3.0, 7.45)}, [(0, 1), (1, 2)])
     save_graph(graph, tmp_path / "lane.geojson")
     story = "interactions:\n- {time: 0.5, kind: step, step: {route: lane.geojson, to: 2}}\n"
-    scenario = replace(office(tmp_path, f"stop_on_failure: true\n{story}"), goals=(Pose2D(6.2, 12.0), Pose2D(3.5, 7.45)))
+    scenario = replace(
+        office(tmp_path, f"stop_on_failure: true\n{story}"), goals=(Pose2D(6.2, 12.0), Pose2D(3.5, 7.45))
+    )
     (step,) = scenario.interactions
     assert INTERACTION.validate_python(as_data(step)) == step
     result = run_scenario(scenario, record=False)
