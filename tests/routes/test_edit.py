@@ -125,11 +125,17 @@ def test_any_sequence_of_edits_gives_a_graph_that_loads_again_equal(seed: int, t
     history: list[tuple[dict[int, Any], dict[int, Any]]] = []
     numbers = [-1e5, 1e9, math.nan, math.inf, 0.1, 3.3, -0.0, 7.7e-30]
     refused = saved = undone = 0
+    ids: list[int] = []
+
+    def number() -> float:
+        return rng.choice([*numbers, rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0)])
+
+    def some() -> list[int]:
+        return rng.choices(ids, k=rng.randrange(3))
+
     for _ in range(400):
         before = (dict(draft.nodes), dict(draft.edges))
         ids = [*draft.nodes, *draft.edges, 12345]
-        number: Callable[[], float] = lambda: rng.choice([*numbers, rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0)])
-        some: Callable[[], list[int]] = lambda: rng.choices(ids, k=rng.randrange(3))  # noqa: B023
         values = {
             "speed_limit": rng.choice([None, 0.5, 80, -1, "x", math.nan]),
             "penalty": rng.choice([None, 0, 2.5, math.inf]),
@@ -139,15 +145,15 @@ def test_any_sequence_of_edits_gives_a_graph_that_loads_again_equal(seed: int, t
         }
         chosen = {name: values[name] for name in rng.sample(list(values), rng.randrange(1, 3))}
         edits: list[Callable[[], Any]] = [
-            lambda: draft.add_node(number(), number()),  # noqa: B023
-            lambda: draft.add_node(number(), number()),  # noqa: B023
-            lambda: draft.move_node(rng.choice(ids), number(), number()),  # noqa: B023
-            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),  # noqa: B023
-            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),  # noqa: B023
-            lambda: draft.set_attributes(some(), chosen),  # noqa: B023
+            lambda: draft.add_node(number(), number()),
+            lambda: draft.add_node(number(), number()),
+            lambda: draft.move_node(rng.choice(ids), number(), number()),
+            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),
+            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),
+            lambda: draft.set_attributes(some(), chosen),
         ]
         if rng.random() < 0.1:
-            edits = [lambda: draft.delete(some(), some())]  # noqa: B023
+            edits = [lambda: draft.delete(some(), some())]
         try:
             rng.choice(edits)()
         except NavError as error:

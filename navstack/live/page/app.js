@@ -193,6 +193,12 @@ class App {
     this.changed();
   }
 
+  /** Opens the panel at a tab. */
+  showPanel(tab) {
+    if (document.body.classList.contains('no-panel')) this.togglePanel();
+    this.panel.show(tab);
+  }
+
   help() { helpText($('help')); $('help').showModal(); }
 
   /** The colors of costs, below the map while a costmap is shown. */

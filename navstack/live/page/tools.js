@@ -72,7 +72,7 @@ export class Tools {
     if (name === 'drive') { this.app.teleop.toggle(); } else this.tool = name;
     for (const item of TOOLS) if (item) $(`tool-${item[0]}`).setAttribute('aria-pressed', String(item[0] === 'drive' ? this.app.teleop.on : item[0] === this.tool));
     this.drag = null;
-    if (name === 'graph') this.app.panel?.show('graph');
+    if (name === 'graph') this.app.showPanel('graph'); // its buttons are there
     this.app.changed();
   }
 
