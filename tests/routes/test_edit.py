@@ -147,10 +147,10 @@ def test_any_sequence_of_edits_gives_a_graph_that_loads_again_equal(seed: int, t
         edits: list[Callable[[], Any]] = [
             lambda: draft.add_node(number(), number()),
             lambda: draft.add_node(number(), number()),
-            lambda: draft.move_node(rng.choice(ids), number(), number()),
-            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),
-            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),
-            lambda: draft.set_attributes(some(), chosen),
+            lambda: draft.move_node(rng.choice(ids), number(), number()),  # noqa: B023
+            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),  # noqa: B023
+            lambda: draft.connect(rng.choice(ids), rng.choice(ids), both_ways=rng.random() < 0.5),  # noqa: B023
+            lambda: draft.set_attributes(some(), chosen),  # noqa: B023
         ]
         if rng.random() < 0.1:
             edits = [lambda: draft.delete(some(), some())]
