@@ -80,29 +80,29 @@ def test_attributes_are_set_and_removed() -> None:
     assert draft.edges[edge].cost == 0.0 and draft.edges[edge].overridable
 
 
-@pytest.mark.parametrize(
-    ("edit", "message"),
-    [
-        (lambda d: d.add_node(math.nan, 0.0), r"\(nan, 0\) is no position; give finite numbers"),
-        (lambda d: d.move_node(0, 1e9, 0.0), "is no position"),
-        (lambda d: d.move_node(77, 0.0, 0.0), "the graph has no node 77; it may have been deleted"),
-        (lambda d: d.connect(0, 0), "an edge cannot lead from node 0 to itself"),
-        (lambda d: d.connect(0, 99), "no node 99"),
-        (lambda d: d.delete(), "nothing is selected to delete"),
-        (lambda d: d.delete(nodes=[0], edges=[55]), "no edge 55"),
-        (lambda d: d.set_attributes([4], {"speed_limit": 0}), "speed_limit is 0; give a share of the full speed"),
-        (lambda d: d.set_attributes([4], {"speed_limit": math.nan}), "speed_limit is nan"),
-        (lambda d: d.set_attributes([4], {"penalty": True}), "penalty is True; give a number from 0"),
-        (lambda d: d.set_attributes([4], {"class": ""}), "class is ''; give a text"),
-        (lambda d: d.set_attributes([4], {"overridable": "no"}), "overridable is 'no'; give true or false"),
-        (
-            lambda d: d.set_attributes([4], {"color": "red"}),
-            '"color" is not an attribute of an edge; known: speed_limit',
-        ),
-        (lambda d: d.set_attributes([], {"cost": 1.0}), "no edge is selected"),
-        (lambda d: GraphDraft().undo(), "there is no change to undo"),
-    ],
-)
+WRONG: list[tuple[Callable[[GraphDraft], Any], str]] = [
+    (lambda d: d.add_node(math.nan, 0.0), r"\(nan, 0\) is no position; give finite numbers"),
+    (lambda d: d.move_node(0, 1e9, 0.0), "is no position"),
+    (lambda d: d.move_node(77, 0.0, 0.0), "the graph has no node 77; it may have been deleted"),
+    (lambda d: d.connect(0, 0), "an edge cannot lead from node 0 to itself"),
+    (lambda d: d.connect(0, 99), "no node 99"),
+    (lambda d: d.delete(), "nothing is selected to delete"),
+    (lambda d: d.delete(nodes=[0], edges=[55]), "no edge 55"),
+    (lambda d: d.set_attributes([4], {"speed_limit": 0}), "speed_limit is 0; give a share of the full speed"),
+    (lambda d: d.set_attributes([4], {"speed_limit": math.nan}), "speed_limit is nan"),
+    (lambda d: d.set_attributes([4], {"penalty": True}), "penalty is True; give a number from 0"),
+    (lambda d: d.set_attributes([4], {"class": ""}), "class is ''; give a text"),
+    (lambda d: d.set_attributes([4], {"overridable": "no"}), "overridable is 'no'; give true or false"),
+    (
+        lambda d: d.set_attributes([4], {"color": "red"}),
+        '"color" is not an attribute of an edge; known: speed_limit',
+    ),
+    (lambda d: d.set_attributes([], {"cost": 1.0}), "no edge is selected"),
+    (lambda d: GraphDraft().undo(), "there is no change to undo"),
+]
+
+
+@pytest.mark.parametrize(("edit", "message"), WRONG)
 def test_a_wrong_edit_changes_nothing(edit: Callable[[GraphDraft], Any], message: str) -> None:
     draft = square()
     before = graph_text(draft.graph())

@@ -235,7 +235,7 @@ export class Graph {
     for (const [id, a, b, values] of this.data.edges) {
       const p = at(a), q = at(b), oneWay = !this.pairs.has(`${b} ${a}`);
       if (onRoute.has(id)) scene.line([...p, ...q], theme.goal, 5);
-      if (id === side?.route?.edge || id === half) scene.line([...p, ...q], id === half ? theme.trajectory : theme.robot, 6);
+      if (id === side?.route?.edge || id === half) scene.line([...p, ...q], id === half ? theme.trajectory : theme.robot, id === half ? 6 : 9);
       if (oneWay || id === half) this.head(c, p, q, px, id === half ? theme.trajectory : theme.accent);
       if (isClose(this.app.camera) && Object.keys(values).length && (oneWay || a < b)) scene.text(label(values), (p[0] + q[0]) / 2, (p[1] + q[1]) / 2 + 10 * px, theme.muted, 11);
     }
