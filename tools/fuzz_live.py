@@ -72,6 +72,14 @@ FIELDS += [
     "protocol",
     "duration",
     "id",
+    "node",
+    "start",
+    "end",
+    "both_ways",
+    "nodes",
+    "edges",
+    "step",
+    "spacing",
 ]
 PLAIN = [
     {"type": "goal", "pose": [1.0, 7.4]},
@@ -81,6 +89,14 @@ PLAIN = [
     {"type": "save", "what": "scenario", "name": "x"},
     {"type": "explain_cell", "x": 1.0, "y": 7.4},
     {"type": "layers", "layers": ["local"], "rate": 10.0},
+    {"type": "graph_add_node", "x": 1.0, "y": 7.4},
+    {"type": "graph_move_node", "node": 0, "x": 1.0, "y": 7.4},
+    {"type": "graph_connect", "start": 0, "end": 1, "both_ways": True},
+    {"type": "graph_delete", "nodes": [0], "edges": [2]},
+    {"type": "graph_set", "edges": [2], "values": {"speed_limit": 0.5}},
+    {"type": "graph_save", "name": "x"},
+    {"type": "graph_drive", "node": 1},
+    {"type": "step_now", "step": {"cover": "all"}},
 ]
 BROKEN = ["[" * 20000, '{"type":' * 3000, "nul", "NaN", "[]", "1", '"goal"', "{}", '{"type":"goal","type":1}']
 ANSWER_S = 60.0
@@ -187,7 +203,9 @@ async def _main(arguments: argparse.Namespace) -> int:
     stop, ready = asyncio.Event(), asyncio.get_running_loop().create_future()
     task = asyncio.create_task(serve(server, "127.0.0.1", 0, ready=ready.set_result, stop=stop))
     fuzzer = Fuzzer(str(await ready), random.Random(arguments.seed))
-    before, started = (session.time, session.cycles, list(session.interactions)), time.monotonic()
+    draft = server.stage.graph.draft if server.stage is not None else None
+    assert draft is not None
+    before, started = (session.time, session.cycles, list(session.interactions), draft.version), time.monotonic()
     async with aiohttp.ClientSession() as client:
         await fuzzer.messages(client, arguments.messages)
         print(f"{fuzzer.sent} messages, {fuzzer.refused} refused, {time.monotonic() - started:.1f} s", flush=True)
@@ -195,7 +213,7 @@ async def _main(arguments: argparse.Namespace) -> int:
         print(f"{arguments.connections} broken connections, {time.monotonic() - started:.1f} s", flush=True)
     stop.set()
     await task
-    same = before == (session.time, session.cycles, list(session.interactions))
+    same = before == (session.time, session.cycles, list(session.interactions), draft.version)
     print("the session is as before" if same else "THE SESSION HAS CHANGED")
     return 0 if same else 1
 

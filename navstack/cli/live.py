@@ -22,6 +22,7 @@ from navstack.live import (
     COMPILING,
     MAX_SPEED,
     Gate,
+    GraphEditor,
     LiveServer,
     LoggedSession,
     Options,
@@ -57,6 +58,12 @@ class LiveOptions(NamedTuple):
     save_to: Annotated[
         Path | None, typer.Option("--save-to", metavar="DIR", help="The only folder that the page can save into.")
     ] = None
+    graph: Annotated[
+        Path | None,
+        typer.Option(
+            "--graph", metavar="FILE.geojson", help="Route graph to show, edit and drive; saved next to the file."
+        ),
+    ] = None
     host: Annotated[
         str, typer.Option("--host", help="Address to listen on. Beyond loopback, the printed address has a token.")
     ] = "127.0.0.1"
@@ -90,6 +97,8 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> Callable[[Report
     speed = _speed(live.speed)
     run = Path(chosen.map_)
     if run.suffix == ".npz" or run.joinpath("run.npz").is_file():
+        if live.graph is not None:
+            raise InputError("--graph needs a scenario or a map, not a recorded run")
         if live.versus:
             raise InputError("--versus needs a scenario or a map, not a recorded run")
         record = Record.load(run)
@@ -103,7 +112,9 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> Callable[[Report
     if live.versus:
         opened.append(_open(chosen._replace(params=live.versus)))
     labels = ("",) if len(opened) == 1 else tuple(_label(origin) for _, origin in opened)
-    options = Options(live.save_to, labels=labels, named=tuple(origin.sources for _, origin in opened))
+    named = tuple(origin.sources for _, origin in opened)
+    options = Options(live.save_to, labels=labels, named=named, graph=live.graph)
+    GraphEditor(live.graph)  # a file with a mistake is refused before a browser opens
 
     def prepare(report: Report) -> Stage:
         for scenario, _ in opened:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from navstack.live.checkpoints import Origin as Origin
+    from navstack.live.graph import GraphEditor as GraphEditor
     from navstack.live.logged import LoggedSession as LoggedSession
     from navstack.live.server import Gate as Gate
     from navstack.live.server import LiveServer as LiveServer

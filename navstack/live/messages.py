@@ -27,6 +27,10 @@ Pose = Annotated[list[Finite], Field(min_length=2, max_length=3)]
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_. -]*$")]
 
 
+GraphId = Annotated[int, Field(ge=0, le=2**32 - 1)]
+GraphIds = Annotated[list[GraphId], Field(max_length=20_000)]
+
+
 class Message(BaseModel):
     """Base of all messages: strict, no unknown keys, no NaN."""
 
@@ -123,6 +127,94 @@ class DriveByHand(_Request):
     type: Literal["drive"]
     velocity: Annotated[list[Annotated[float, Field(ge=-20.0, le=20.0)]], Field(min_length=3, max_length=3)]
     seconds: Annotated[float, Field(gt=0.0, le=2.0)] = 0.6
+
+
+class StartStep(_Request):
+    """Begin a step of a tour now: `{dock: NAME}`, `{undock: true}`, `{cover: all}`, `{move: 0.5}`; no files."""
+
+    type: Literal["step_now"]
+    step: Annotated[dict[Annotated[str, Field(max_length=40)], Any], Field(min_length=1, max_length=20)]
+
+
+class Graph(_Request):
+    """The route graph that is edited."""
+
+    type: Literal["graph"]
+
+
+class GraphFromMap(_Request):
+    """Make the route graph of the free space of the map."""
+
+    type: Literal["graph_from_map"]
+    spacing: Annotated[float, Field(ge=0.5, le=100.0)] = 5.0
+
+
+class AddNode(_Request):
+    """Add a node."""
+
+    type: Literal["graph_add_node"]
+    x: Finite
+    y: Finite
+
+
+class MoveNode(_Request):
+    """Move a node."""
+
+    type: Literal["graph_move_node"]
+    node: GraphId
+    x: Finite
+    y: Finite
+
+
+class Connect(_Request):
+    """Add an edge between two nodes, or one each way."""
+
+    type: Literal["graph_connect"]
+    start: GraphId
+    end: GraphId
+    both_ways: bool = True
+
+
+class DeleteFromGraph(_Request):
+    """Delete nodes with their edges, and edges."""
+
+    type: Literal["graph_delete"]
+    nodes: GraphIds = []
+    edges: GraphIds = []
+
+
+class SetEdges(_Request):
+    """Set attributes of edges; null removes one."""
+
+    type: Literal["graph_set"]
+    edges: GraphIds
+    values: Annotated[dict[Annotated[str, Field(max_length=40)], float | bool | str | None], Field(max_length=5)]
+
+
+class UndoGraph(_Request):
+    """Take the last change of the graph back."""
+
+    type: Literal["graph_undo"]
+
+
+class CheckGraph(_Request):
+    """What is wrong with the graph."""
+
+    type: Literal["graph_check"]
+
+
+class SaveGraph(_Request):
+    """Write the graph as GeoJSON, into the folder of the file that it came from."""
+
+    type: Literal["graph_save"]
+    name: Name
+
+
+class DriveToNode(_Request):
+    """Drive to a node along the graph."""
+
+    type: Literal["graph_drive"]
+    node: GraphId
 
 
 class Clear(_Request):
@@ -257,6 +349,18 @@ Request = Annotated[
     | Place
     | Set
     | DriveByHand
+    | StartStep
+    | Graph
+    | GraphFromMap
+    | AddNode
+    | MoveNode
+    | Connect
+    | DeleteFromGraph
+    | SetEdges
+    | UndoGraph
+    | CheckGraph
+    | SaveGraph
+    | DriveToNode
     | Clear
     | GoOn
     | Pause
@@ -279,7 +383,7 @@ _REQUEST: TypeAdapter[Any] = TypeAdapter(Request)
 
 READ_ONLY: Final = frozenset(
     {
-        *("hello", "layers", "ack", "parameters", "sets", "difference"),
+        *("hello", "layers", "ack", "parameters", "sets", "difference", "graph", "graph_check"),
         *("explain_cell", "explain_command", "explain_goal", "explain_passage"),
     }
 )

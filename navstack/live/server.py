@@ -287,6 +287,8 @@ class Client:
 
     def _next_frame(self) -> bytes:
         frame = Frame({"type": "frame", "frame": self._sent + 1})
+        stage = self._server.stage
+        frame.header["graph"] = 0 if stage is None else stage.graph.draft.version
         frame.header["sides"] = [view.frame(frame) for view in self._views]
         self._sent += 1
         return frame.encode()

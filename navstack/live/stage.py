@@ -27,6 +27,7 @@ from navstack.core import (
     resolved,
     write_text,
 )
+from navstack.docking import DockDatabase
 from navstack.explain import (
     CommandReport,
     PassageReport,
@@ -52,6 +53,7 @@ from navstack.live.cards import (
     sample_cards,
 )
 from navstack.live.checkpoints import Twin
+from navstack.live.graph import GraphEditor
 from navstack.live.map_edits import edited_map
 from navstack.live.messages import PROTOCOL, Frame
 from navstack.live.session import Session
@@ -59,7 +61,7 @@ from navstack.live.view import has_camera
 from navstack.map_io import map_names, save_map
 from navstack.parameters import Configuration, Finding, load_configuration, packaged_sets
 from navstack.record import Record
-from navstack.scenario import advice_for_goal, load_places, scenario_text
+from navstack.scenario import advice_for_goal, load_places, read_step, scenario_text, step_data
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Why: the texts of `navstack explain` about a running session.
@@ -257,6 +259,8 @@ class Options:
     """Names of the sessions."""
     named: tuple[tuple[str, ...], ...] = ()
     """Parameters of each robot that the command line names: a page may switch to them."""
+    graph: Path | None = None
+    """Route graph to show and edit."""
 
 
 class Stage:
@@ -266,6 +270,7 @@ class Stage:
         self.sessions = tuple(sessions)
         self.options = options
         self._own = OwnFiles(options.named, options.save_to)
+        self.graph = GraphEditor(options.graph, options.save_to)
         self._passages: tuple[Any, PassageReport] | None = None
         self.report: Report | None = None
         """Called with the progress of what takes long."""
@@ -302,6 +307,18 @@ class Stage:
                 text, data = parameters.difference(self._session_of(request)), None
             case messages.Save():
                 text, data = self._save(request)
+            case messages.Graph():
+                text, data = "", self.graph.data()
+            case messages.CheckGraph():
+                text, data = self.graph.check(self.main)
+            case messages.SaveGraph():
+                text, data = self.graph.save(request.name)
+            case messages.DriveToNode():
+                text, data = self._begin(self.graph.drive_step(request.node))
+            case messages.StartStep():
+                text, data = self._begin(step_data(read_step(request.step, places=self._places(), folder=None)))
+            case _ if kind.startswith("graph_"):
+                text, data = self.graph.edit(request, self.main)
             case _ if kind in _TIME:
                 text, data = self._time(request)
             case _ if kind in _INTERACTIONS:
@@ -349,24 +366,35 @@ class Stage:
 
     # --- handlers ---------------------------------------------------------------------------------------------------
 
+    def _places(self) -> dict[str, Pose2D]:
+        return {name: Pose2D(*pose) for name, pose in _places(self.main.origin.map_file).items()}
+
+    def _begin(self, step: dict[str, Any]) -> tuple[str, Any]:
+        """Begins a step in all sessions."""
+        self._in_all({"kind": "step", "step": step})
+        return "", None
+
     def _interact(self, request: Any) -> tuple[str, Any]:
-        """Does the same in all sessions, or in none."""
         action = request.model_dump(mode="python", exclude={"id", "type"}, exclude_none=True)
         action["kind"] = request.type
         if request.type == "put":
             action["shape"] = request.shape
         if request.type == "goal":
             action["pose"] = list(request.pose)
+        self._in_all(action)
+        return "", None
+
+    def _in_all(self, action: dict[str, Any]) -> None:
+        """Does the same in all sessions, or in none."""
         done: list[Session] = []
         for session in self.sessions:
             try:
-                session.interact({**action, "kind": _teleop_of(session)} if request.type == "drive" else action)
+                session.interact({**action, "kind": _teleop_of(session)} if action["kind"] == "drive" else action)
             except (NavError, ValueError):
                 if done:
                     raise InputError("refused in one of the two worlds; the other one has changed") from None
                 raise
             done.append(session)
-        return "", None
 
     def _set(self, request: messages.Set) -> tuple[str, Any]:
         if not request.values and request.params is None:
@@ -530,6 +558,8 @@ def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
         "limits": {name: _finite(getattr(limits, name)) for name in limits._fields},
         "teleop": {"moves": MOVE_KEYS, "speeds": SPEED_KEYS, "speed": START_SPEED, "turn": START_TURN},
         "places": _places(session.origin.map_file),
+        "graph": stage.graph.data() if stage.options.graph is not None else None,
+        "docks": list(DockDatabase.of(session.scenario.configuration).docks),
         "labels": list(stage.options.labels),
         "camera": has_camera(robot),
         "read_only": read_only,

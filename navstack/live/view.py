@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from navstack.behavior_trees import Action, BehaviorTree, Condition, Decorator, Node, Status
 from navstack.core import Costmap, GridGeometry, NavError, Pose2D, Transform2D, Window
 from navstack.costmap import LayeredCostmap
+from navstack.live.graph import route_now
 from navstack.live.messages import Frame
 from navstack.live.session import Session
 from navstack.move_base import TreeMoveBase, plugin_calls
@@ -385,6 +386,7 @@ class SessionView:
             entries["wheels"] = [_rounded(wheel, 4) for wheel in steered.wheels(width, robot.steering_angle)]
         self._if_changed(entries, "goals", self._goals())
         self._if_changed(entries, "shapes", [_shape(shape) for shape in session.shapes])
+        self._if_changed(entries, "route", route_now(session))
         self._if_changed(entries, "interactions", self._interactions())
         self._add_moving(entries)
         self._add_history(entries)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from navstack.routes.check import GraphFinding as GraphFinding
     from navstack.routes.check import check_graph as check_graph
+    from navstack.routes.edit import GraphDraft as GraphDraft
     from navstack.routes.errors import InvalidGraphError as InvalidGraphError
     from navstack.routes.errors import NoValidRouteError as NoValidRouteError
     from navstack.routes.errors import RouteError as RouteError

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from navstack.scenario.steps import EXAMPLES as EXAMPLES
     from navstack.scenario.steps import Step as Step
     from navstack.scenario.steps import read_step as read_step
+    from navstack.scenario.steps import step_data as step_data
     from navstack.scenario.steps import step_text as step_text
     from navstack.scenario.success import ConditionResult as ConditionResult
     from navstack.scenario.success import SuccessConditions as SuccessConditions

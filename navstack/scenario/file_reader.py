@@ -33,7 +33,7 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from navstack.behaviors import GoToStep
-from navstack.core import InputError, MapError, Pose2D, exists, is_file, short_repr
+from navstack.core import InputError, MapError, NavError, Pose2D, exists, is_file, short_repr
 from navstack.map_io import map_names, map_path
 from navstack.parameters import (
     Binder,
@@ -71,7 +71,7 @@ from navstack.scenario.spec import (
     check_start_on_map,
     scenario_error,
 )
-from navstack.scenario.steps import Step, read_step, step_text
+from navstack.scenario.steps import Step, read_step, step_data, step_text
 from navstack.scenario.success import Success, SuccessConditions
 from navstack.sim import MOTIONS, PedestrianMotion, Shape
 
@@ -478,8 +478,15 @@ def _read_interaction(context: ReadContext, node: Node, name: str) -> Any:
             given = f"has the unknown kind {describe(kind[1])}; {hint}"
         context.error("wrong-value", node.at, name, f"{name} {given}", close)
         return None
+    values = plain(node)
     try:
-        return INTERACTION.validate_python(plain(node))
+        if value == "step" and isinstance(values.get("step"), dict):  # places and files become part of it
+            step = read_step(values["step"], places=context.spec.places, folder=context.path.parent)
+            values["step"] = step_data(step)
+        return INTERACTION.validate_python(values)
+    except NavError as exc:
+        context.error("wrong-value", node.at, name, f"{name}: {exc.message}")
+        return None
     except ValidationError as exc:
         for error in exc.errors(include_url=False, include_context=False)[:5]:
             where = ".".join(str(step) for step in error["loc"][1:])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from navstack.behaviors import GoToStep
 from navstack.bringup import PASSED_RADIUS_M
 from navstack.core import Pose2D, angle_between, jsonable
 from navstack.docking import DockDatabase, Docking, DockTask
@@ -75,6 +76,8 @@ class GoalSequence:
         self.outcomes: list[GoalOutcome] = []
         self.pause_until = 0.0
         """Earliest time for the next goal (s)."""
+        self.urgent: Pose2D | Step | None = None
+        """The step that begins as soon as nothing is under way, before the waiting ones."""
         self._pass_through = pass_through
         self._passed: set[int] = set()
         """Indices of the goals that were passed."""
@@ -93,16 +96,37 @@ class GoalSequence:
     @property
     def total(self) -> int:
         """Number of goals sent, waiting or skipped after a failure."""
-        return self._sent + len(self.waiting) + self._skipped
+        return self._sent + len(self.waiting) + self._skipped + (self.urgent is not None)
 
     def send_next(self, move_base: MoveBase) -> SentGoal | None:
         """Sends the first waiting goal; None if there is none."""
+        if self.urgent is not None:
+            step, self.urgent = self.urgent, None
+            return self.send(step, move_base)
         if not self.waiting:
             return None
         goal = self.waiting.pop(0)
         if self.loop:
             self.waiting.append(goal)
         return self.send(goal, move_base)
+
+    def begin_now(self, step: Step, move_base: MoveBase) -> None:
+        """Cancels what is under way, and begins a step as soon as that has ended; the waiting goals follow.
+
+        Raises the errors of a step that this robot cannot do; nothing has changed then.
+        """
+        self.check(step)
+        for sent in self.under_way:
+            sent.cancel(move_base)
+        self.pause_until = self._robot.time
+        self.urgent = step.pose if isinstance(step, GoToStep) else step
+
+    def check(self, step: Pose2D | Step) -> None:
+        """Raises the error of a step that this robot cannot do."""
+        if isinstance(step, DockStep):
+            self._docks.type_of(self._docks.dock(step.dock))
+        elif not isinstance(step, (Pose2D, GoToStep, UndockStep)):
+            self._make_motion(step)
 
     def pass_on(self, move_base: MoveBase) -> SentGoal | None:
         """Sends the next goal in place of one that the robot passes; None otherwise."""
@@ -165,7 +189,7 @@ class GoalSequence:
             return
         self.under_way = [sent for sent in self.under_way if not sent.handle.is_done]
         self.outcomes += [self._outcome(sent) for sent in ended]
-        if self.under_way:
+        if self.under_way or self.urgent is not None:
             return
         if self._stop_on_failure and not self.outcomes[-1].succeeded:
             self.skip_waiting()

@@ -11,6 +11,8 @@ from pydantic import Field, TypeAdapter, model_validator
 
 from navstack.core import Pose2D, normalize_angle
 from navstack.plugins import ParamModel, param
+from navstack.scenario.fields import Stored
+from navstack.scenario.steps import Step, read_step, step_data
 from navstack.sim import Shape
 
 MAX_GOALS = 1000
@@ -142,6 +144,15 @@ class Edges(_Interaction):
     reroute: bool = param(False, "plan the route again in any case")
 
 
+class StartStep(_Interaction):
+    """Begins a step of a tour at once: a route, docking, coverage, a motion. What is under way is canceled; the queue remains."""
+
+    kind: Literal["step"] = param("step", "begin a step now")
+    step: Annotated[Step, Stored(dict[str, Any], lambda data: read_step(data, folder=None), step_data)] = param(
+        ..., "a step with everything in it, such as `{dock: home}`"
+    )
+
+
 class Wait(_Interaction):
     """Lets the run go on without a goal."""
 
@@ -162,6 +173,7 @@ Interaction = Annotated[
     | Teleop
     | ClearCostmaps
     | Edges
+    | StartStep
     | Wait,
     Field(discriminator="kind"),
 ]
@@ -172,7 +184,7 @@ KINDS = tuple(
     model.model_fields["kind"].default
     for model in (
         *(GoTo, Queue, Cancel, PutShape, RemoveShape),
-        *(PlaceRobot, Kidnap, SetParameters, Drive, Teleop, ClearCostmaps, Edges, Wait),
+        *(PlaceRobot, Kidnap, SetParameters, Drive, Teleop, ClearCostmaps, Edges, StartStep, Wait),
     )
 )
 

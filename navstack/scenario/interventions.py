@@ -25,11 +25,13 @@ from navstack.scenario.interactions import (
     Queue,
     RemoveShape,
     SetParameters,
+    StartStep,
     Teleop,
     Wait,
     pose_from,
 )
 from navstack.scenario.scenario import MAX_SHAPES, Scenario, too_many_pedestrians
+from navstack.scenario.steps import step_text
 from navstack.sim import PedestrianMotion, Shape, SimulatedRobot, World
 
 
@@ -85,6 +87,7 @@ class Interventions:
         match item:
             case GoTo():
                 self._goals.finish_ended()
+                self._goals.urgent = None
                 self._on_sent(self._goals.send(pose_from(item.pose), self._move_base))
                 self._note(f"sent the goal {_text(item.pose)}")
             case Queue():
@@ -93,6 +96,7 @@ class Interventions:
                 self._note(f"set the queue to {_plural(len(item.goals), 'goal')}{', repeated' if item.loop else ''}")
             case Cancel():
                 self._goals.waiting.clear()
+                self._goals.urgent = None
                 for sent in self._goals.under_way:
                     sent.cancel(self._move_base)
                 self._note("canceled the goal")
@@ -118,6 +122,10 @@ class Interventions:
                 self._note("cleared the costmaps")
             case Edges():
                 self._adjust_edges(item)
+            case StartStep():
+                self._goals.finish_ended()
+                self._goals.begin_now(item.step, self._move_base)
+                self._note(f"began the step: {step_text(item.step)}")
             case Wait():
                 pass
             case _:

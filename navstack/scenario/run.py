@@ -211,11 +211,7 @@ class Run:
         )
         self._upcoming = deque(sorted(scenario.interactions, key=lambda item: item.time))
         for item in items:
-            # a step that this robot cannot do is reported before it drives
-            if isinstance(item, DockStep):
-                self.docks.type_of(self.docks.dock(item.dock))
-            elif not isinstance(item, (Pose2D, UndockStep)):
-                self._make_motion(item)
+            self.goals.check(item)  # before the robot drives
         if scenario.low_battery is not None:
             self._check_charger(scenario.low_battery)
         self._goes_on_until = -math.inf

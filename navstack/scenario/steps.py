@@ -54,6 +54,8 @@ def read_step(
 ) -> Step:
     """Return the step of a mapping; arguments and errors as of `navstack.behaviors.read_step`."""
     kinds = [kind for kind in _TASKS if kind in values]
+    if not is_step(values):
+        raise InvalidMotionError(f"{short_repr(dict(values))} is not one step; steps are {EXAMPLES}")
     if not kinds:
         return behaviors.read_step(values, places=places, folder=folder)
     if len(kinds) > 1 or behaviors.is_step(values):

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import InputError, NavError, ScenarioError
+from navstack.core import InputError, NavError, Pose2D, ScenarioError
 from navstack.explain import explain_goals, replay
 from navstack.map_io import map_path
 from navstack.plot import plot_run
 from navstack.record import Record
+from navstack.routes import build_graph, save_graph
 from navstack.scenario import Run, Scenario, load_scenario, run_scenario
 from navstack.scenario.file_writer import write_scenario
 from navstack.scenario.interactions import INTERACTION, as_data
@@ -206,3 +207,30 @@ def test_teleop_goes_through_the_collision_monitor(tmp_path: Path) -> None:
     assert (
         7.6 < run.robot.pose.y < 7.9 and not run.robot.collisions
     )  # the wall is 0.95 m away; the monitor stops at 0.6 m
+
+
+def test_a_step_begins_at_once_and_the_queue_follows(tmp_path: Path) -> None:
+    graph = build_graph({0: (0.8, 7.45), 1: (2.0, 7.45), 2: (3.0, 7.45)}, [(0, 1), (1, 2)])
+    save_graph(graph, tmp_path / "lane.geojson")
+    story = "interactions:\n- {time: 0.5, kind: step, step: {route: lane.geojson, to: 2}}\n"
+    scenario = replace(
+        office(tmp_path, f"stop_on_failure: true\n{story}"), goals=(Pose2D(6.2, 12.0), Pose2D(3.5, 7.45))
+    )
+    (step,) = scenario.interactions
+    assert INTERACTION.validate_python(as_data(step)) == step
+    result = run_scenario(scenario, record=False)
+    assert [outcome.state for outcome in result.goals] == ["PREEMPTED", "SUCCEEDED", "SUCCEEDED"]
+    assert result.goals[1].step == "route lane to node 2" and result.goals[2].goal == Pose2D(3.5, 7.45)
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        ("{dock: nowhere}", "nowhere"),
+        ("{route: lane.geojson, to: 7}", "lane.geojson"),
+        ("{fly: 3}", "is not one step"),
+    ],
+)
+def test_a_wrong_step_is_refused_with_its_reason(step: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(NavError, match=message):
+        run_scenario(office(tmp_path, f"interactions:\n- {{time: 0.0, kind: step, step: {step}}}\n"), record=False)

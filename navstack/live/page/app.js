@@ -4,6 +4,7 @@ import { Theme } from './colors.js';
 import { Connection } from './connection.js';
 import { FirstPerson } from './first_person.js';
 import { $, copy, el, poseText, refresh, setIcon, toast } from './dom.js';
+import { Graph } from './graph.js';
 import { helpText } from './help.js';
 import { Layers, legend } from './layers.js';
 import { Panel, Save } from './panel.js';
@@ -37,7 +38,9 @@ class App {
     this.save = new Save(this);
     this.teleop = new Teleop(this);
     for (const scene of this.scenes) scene.refit = () => this.fit();
+    for (const scene of this.scenes) scene.graph = (where, side) => this.graph.draw(where, side);
     for (const scene of this.scenes) scene.fan = (where, side) => this.why.draw(where, side);
+    this.graph = new Graph(this);
     this.tools = new Tools(this);
     this.timeline = new Timeline(this);
     this.firstPerson = new FirstPerson(this);
@@ -73,9 +76,10 @@ class App {
       $('eye').hidden = !header.camera;
       for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
       this.panel.world(header);
+      this.graph.world(header);
       this.progress(null);
       if (this.panel.shown === 'parameters') this.parameters.load();
-    }
+    } else this.graph.seen(header.graph);
     this.changed();
   }
 
@@ -189,6 +193,12 @@ class App {
     this.changed();
   }
 
+  /** Opens the panel at a tab. */
+  showPanel(tab) {
+    if (document.body.classList.contains('no-panel')) this.togglePanel();
+    this.panel.show(tab);
+  }
+
   help() { helpText($('help')); $('help').showModal(); }
 
   /** The colors of costs, below the map while a costmap is shown. */
@@ -237,7 +247,7 @@ class App {
     const actions = {
       ' ': () => this.play(), n: () => this.act({ type: 'step' }), PageUp: () => this.back(5), Home: () => this.restart(), '+': () => this.zoom(1.25), '-': () => this.zoom(0.8),
       0: () => this.fit(), x: () => { if (this.versus.two) $('split').click(); }, f: () => { this.follow = !this.follow; this.followButton(); }, i: () => this.firstPerson.toggle(), '?': () => this.help(), s: () => this.save.open('scenario', 'Save the session as a scenario'),
-      Escape: () => { this.tools.cross = this.tools.measured = null; this.why.clear(); if (this.teleop.on) this.tools.choose('drive'); this.tools.choose('why'); },
+      Escape: () => { this.graph.from = null; this.tools.cross = this.tools.measured = null; this.why.clear(); if (this.teleop.on) this.tools.choose('drive'); this.tools.choose('why'); },
     };
     if ((onButton && (event.key === ' ' || event.key === 'Enter')) || (event.target.type === 'range' && /^(Arrow|Page|Home|End)/.test(event.key))) return;
     if (this.tools.key(event)) event.preventDefault();

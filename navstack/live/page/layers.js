@@ -16,6 +16,7 @@ const LAYERS = [
   ['footprint', 'Robot (true footprint)', true, 1], ['padded', 'Padded footprint', true, 1], ['plan', 'Plan', true, 1], ['former', 'Previous plans', false, 1], ['trajectory', 'Chosen trajectory', true, 1],
   ['trajectories', 'Trajectories by score', false, 0.8], ['potential', 'Potential', false, 0.6], ['goals', 'Goals', true, 1], ['trail', 'Driven path', true, 0.9],
   ['shapes', 'Obstacles', true, 1], ['people', 'People and doors', true, 1],
+  ['graph', 'Route graph', true, 1],
   ['camera', 'What the robot sees', false, 1],
 ];
 const SERVER = ['global', 'local', 'scan', 'trajectories', 'potential', 'camera'];

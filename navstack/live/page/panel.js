@@ -2,7 +2,7 @@
 import { Chart } from './charts.js';
 import { $, button, copy, el, fixed, poseText, refresh, toast } from './dom.js';
 
-const TABS = [['robot', 'Robot'], ['goals', 'Goals'], ['layers', 'Layers'], ['parameters', 'Parameters'], ['why', 'Why'], ['tree', 'Tree']];
+const TABS = [['robot', 'Robot'], ['goals', 'Goals'], ['graph', 'Routes'], ['layers', 'Layers'], ['parameters', 'Parameters'], ['why', 'Why'], ['tree', 'Tree']];
 const SIZE = 'navstack-live';
 const STATES = { SUCCEEDED: 'good', ABORTED: 'bad', REJECTED: 'bad', LOST: 'bad', PREEMPTED: 'warn', RECALLED: 'warn' };
 const ROUTINE = new Set(['plan', 'info']); // they do not end a row of others
@@ -100,6 +100,10 @@ export class Panel {
       if (pose) app.act({ type: 'queue', goals: [...app.store.main.goals.waiting, pose], loop: this.loop.checked });
       e.target.value = '';
     } });
+    this.tasks = el('select', { id: 'tasks', 'aria-label': 'Task', onchange: (e) => {
+      if (e.target.value) app.act({ type: 'step_now', step: JSON.parse(e.target.value) });
+      e.target.value = '';
+    } });
     $('tab-goals').append(
       el('h2', {}, 'Goal and queue'), this.queue,
       el('div', { className: 'row wrap' },
@@ -108,6 +112,7 @@ export class Panel {
       el('div', { className: 'row wrap' }, this.places,
         el('button', { type: 'button', className: 'outline', onclick: () => app.save.goals('places') }, 'Save as places'),
         el('button', { type: 'button', className: 'outline', onclick: () => app.save.goals('tour') }, 'Save as tour')),
+      el('div', { className: 'row wrap' }, this.tasks),
       el('h2', {}, 'Ended goals'), this.ended);
   }
 
@@ -115,6 +120,9 @@ export class Panel {
 
   world(world) {
     this.places.replaceChildren(el('option', { value: '' }, 'Add a place …'), ...Object.keys(world.places).map((name) => el('option', { value: name }, name)));
+    const tasks = [...world.docks.map((dock) => [`Dock at ${dock}`, { dock }]), ...(world.docks.length ? [['Undock', { undock: true }]] : []), ['Cover the whole map', { cover: 'all' }]];
+    this.tasks.replaceChildren(el('option', { value: '' }, 'Begin a task now …'), ...tasks.map(([label, step]) => el('option', { value: JSON.stringify(step) }, label)));
+    this.tasks.disabled = this.app.readOnly;
     this.places.hidden = !Object.keys(world.places).length;
   }
 
@@ -127,6 +135,7 @@ export class Panel {
   update(side, clock) {
     if (this.shown === 'robot') this.updateRobot(side, clock);
     if (this.shown === 'goals') this.updateGoals(side.goals);
+    if (this.shown === 'graph') this.app.graph.update();
     $('show-tree').hidden = !side.behavior_tree; // move_base has none
     if (this.shown === 'tree') { if (side.behavior_tree) this.app.tree.update(side); else this.show('robot'); }
   }

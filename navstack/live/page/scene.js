@@ -13,6 +13,7 @@ export class Scene {
     this.map = new Grid();
     this.frames = 0;
     this.refit = null; // shows the whole map again
+    this.graph = null; // function(scene, side) that draws the route graph
     this.fan = null; // function(scene, side) that draws the trajectories of an answer
     this.overlay = null; // function(scene, context, size of a pixel) of the tools
     this.front = null; // the robot whose scans, obstacles and trajectories are drawn
@@ -60,6 +61,7 @@ export class Scene {
     const sides = store.sides.filter((side) => side.pose && (!this.alone || side.index === this.view));
     this.front = sides.find((side) => side === store.main) ?? sides[0];
     if (this.front) this.drawGrids(this.front);
+    this.layer('graph', () => this.graph?.(this, this.front));
     for (const side of [...sides.filter((other) => other !== this.front), ...(this.front ? [this.front] : [])]) this.drawSide(side, now);
     for (const side of sides) this.fan?.(this, side);
     this.overlay?.(this, c, this.px);

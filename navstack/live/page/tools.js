@@ -16,6 +16,7 @@ export const TOOLS = [
   null,
   ['measure', 'Measure (M)', 'm', 'Drag: distance and direction.'],
   ['drive', 'Drive by hand (T)', 't', ''],
+  ['graph', 'Route graph (W)', 'w', ''],
   ['copy', 'Copy a pose as x,y,yaw (C)', 'c', 'Press, and drag for the heading: copies x,y,yaw for the command line.'],
 ];
 const CLICK_PX = 6, NEAR_PX = 12;
@@ -71,11 +72,13 @@ export class Tools {
     if (name === 'drive') { this.app.teleop.toggle(); } else this.tool = name;
     for (const item of TOOLS) if (item) $(`tool-${item[0]}`).setAttribute('aria-pressed', String(item[0] === 'drive' ? this.app.teleop.on : item[0] === this.tool));
     this.drag = null;
+    if (name === 'graph') this.app.showPanel('graph'); // its buttons are there
     this.app.changed();
   }
 
   hint() {
     if (this.app.teleop.on) return this.app.teleop.hint();
+    if (this.tool === 'graph') return this.app.graph.hint();
     return TOOLS.find((item) => item?.[0] === this.tool)[3];
   }
 
@@ -90,10 +93,11 @@ export class Tools {
     if (this.pointers.size > 2) return;
     const [x, y] = this.at(event), pan = event.button === 1 || event.button === 2;
     const shape = pan ? null : this.shapeAt(x, y);
-    const kind = pan || (this.tool === 'why' && !(shape && this.canMove(shape))) ? 'pan' : this.tool === 'why' ? 'shape' : 'tool';
+    const touch = event.pointerType === 'touch', graph = this.tool === 'graph';
+    const kind = graph && !pan ? (this.app.graph.takes(x, y, touch) ? 'graph' : 'pan') : pan || (this.tool === 'why' && !(shape && this.canMove(shape))) ? 'pan' : this.tool === 'why' ? 'shape' : 'tool';
     const points = kind === 'tool' && this.tool === 'erase' ? [[x, y]] : null;
     this.measured = null;
-    this.drag = { kind, points, x, y, x2: x, y2: y, u: event.clientX, v: event.clientY, shape, moved: false, shift: event.shiftKey };
+    this.drag = { kind, touch, points, x, y, x2: x, y2: y, u: event.clientX, v: event.clientY, shape, moved: false, shift: event.shiftKey };
     this.cross = null;
     this.app.select(shape?.name ?? null);
     this.app.changed();
@@ -122,7 +126,9 @@ export class Tools {
     this.app.changed();
     if (!drag) return;
     drag.shift ||= event.shiftKey;
-    if (drag.kind === 'pan' && !drag.moved && event.button === 0) this.ask(drag.x, drag.y);
+    if (drag.kind === 'graph') this.app.graph.drop(drag);
+    else if (drag.kind === 'pan' && !drag.moved && event.button === 0 && this.tool === 'graph') this.app.graph.click(drag.x, drag.y, drag.touch);
+    else if (drag.kind === 'pan' && !drag.moved && event.button === 0) this.ask(drag.x, drag.y);
     else if (drag.kind === 'shape' && drag.moved) this.moveShape(drag.shape, drag.x2 - drag.x, drag.y2 - drag.y);
     else if (drag.kind === 'shape') this.ask(drag.x, drag.y);
     else if (drag.kind === 'tool') this.use(drag);
@@ -242,6 +248,7 @@ export class Tools {
   key(event) {
     const tool = TOOLS.find((item) => item && (item[2] === event.key.toLowerCase() || item[2] === event.key));
     if (this.app.scenes.some((scene) => scene.canvas === event.target) && this.crossKey(event)) return true;
+    if (event.key === 'Delete' && this.tool === 'graph') { this.app.graph.remove(); return true; }
     if (event.key === 'Delete' && this.app.scene.selected) { this.app.act({ type: 'remove', name: this.app.scene.selected }); this.app.select(null); return true; }
     if (tool) { this.choose(tool[0]); return true; }
     return false;
@@ -262,6 +269,7 @@ export class Tools {
     } else if (event.key === 'Enter' && this.cross) {
       const { x, y, yaw } = this.cross;
       if (this.tool === 'why') this.ask(x, y);
+      else if (this.tool === 'graph') this.app.graph.drop({ x, y, x2: x, y2: y, moved: false, touch: false });
       else this.use({ x, y, x2: x, y2: y, yaw, moved: false, shift: event.shiftKey, shape: this.shapeAt(x, y) });
     } else return false;
     this.pointer = this.cross && [this.cross.x, this.cross.y];
