@@ -387,11 +387,20 @@ def test_a_docking_server_is_that_of_a_section_of_move_base(tmp_path: Path) -> N
     assert DockDatabase.of(robot).dock("home").pose == Pose2D(1.0, 2.0, 0.5)
 
 
-def test_a_file_of_docks_stands_next_to_the_parameters(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["docks.yaml", "$(find-pkg-share my_docks)/config/docks.yaml"])
+def test_a_file_of_docks_stands_next_to_the_parameters(name: str, tmp_path: Path) -> None:
     written(tmp_path, yaml.safe_dump({"docks": {"home": {"type": "charger", "pose": [1.0, 2.0, 0.5]}}}), "docks.yaml")
-    parameters = {k: v for k, v in _DOCKING.items() if k not in ("docks", "home")} | {"dock_database": "docks.yaml"}
+    parameters = {k: v for k, v in _DOCKING.items() if k not in ("docks", "home")} | {"dock_database": name}
     database = DockDatabase.of(docking_of(parameters, tmp_path, distro="kilted"))
     assert database.dock("home").pose == Pose2D(1.0, 2.0, 0.5)
+
+
+def test_a_file_of_docks_that_is_missing_is_reported(tmp_path: Path) -> None:
+    parameters = {k: v for k, v in _DOCKING.items() if k not in ("docks", "home")} | {"dock_database": "docks.yaml"}
+    text = TEXT + yaml.safe_dump({"docking_server": {"ros__parameters": parameters}})
+    (found,) = [f for f in problems(text, tmp_path, distro="kilted") if f.rule == "nav2-docks"]
+    assert "put the file next to the parameters" in found.message
+    assert DockDatabase.of(docking_of(parameters, tmp_path, distro="kilted")).docks == {}
 
 
 @pytest.mark.parametrize("backwards", [False, True])

@@ -797,6 +797,7 @@ class _Translator:
         node, audit = self.nodes.nodes[name], self.audits[name]
         space = self._section(name, node, "")
         self._rows(node, "", self._declared(name), space)
+        self._dock_database(node, space)
         backwards = node.params.get("dock_backwards")
         for block in audit.of_kind("dock plugin"):
             below = self._section(f"{name}/{block.id}", node, block.prefix)
@@ -814,6 +815,24 @@ class _Translator:
         for block in audit.of_kind("dock"):
             at_dock = self._section(f"{name}/{block.id}", node, block.prefix)
             self._rows(node, block.prefix, self._declared("dock"), at_dock)
+
+    def _dock_database(self, node: RosNode, space: Space) -> None:
+        """The file of docks: where the parameters say, or under its name next to them."""
+        named, param = node.text("dock_database"), node.params.get("dock_database")
+        if not named or param is None:
+            return
+        folder = Path(param.at.file).parent
+        places = (folder / Path(named).expanduser(), folder / Path(named).name)
+        file = next((place.resolve() for place in places if is_file(place)), None)
+        if file is not None:
+            self._put(space, "dock_database", str(file), param.at)
+            return
+        message = (
+            f"the dock database {Path(named).name} is not found, neither as {named} nor next to the parameters, so no dock has "
+            "a name; put the file next to the parameters"
+        )
+        self._add("warning", "nav2-docks", param.at, node.key("dock_database"), message)
+        self._put(space, "dock_database", "", param.at)
 
     def _base_frame(self, node: RosNode) -> None:
         """Note that another base frame is taken as that of the costmap: poses are planar, so base_footprint is base_link."""
