@@ -176,7 +176,7 @@ def test_docks_and_their_types_survive_the_way_there_and_back(tmp_path: Path) ->
     for other in (there, back):
         assert other.docking is not None
         assert (other.docking.max_retries, other.docking.controller.k_phi) == (7, 2.5)
-        charger, place = other.docking.dock_types.values()
+        charger, place = (other.docking.sections[name] for name in ("charger", "place"))
         assert type(charger).__name__ == "SimpleChargingDockParams" and charger.staging_x_offset == -0.5
         assert type(place).__name__ == "SimpleNonChargingDockParams" and place.dock_direction == "backward"
         assert other.docking.sections["home"].pose == [1.0, 2.0, 0.5]

@@ -22,6 +22,7 @@ from navstack.parameters.nav2.declared import (
     Declared,
     declared,
     declared_natively,
+    exported_name,
 )
 from navstack.parameters.nav2.document import COSTMAP_NODES, NAVIGATION, Nodes, Param, RosNode, read_nodes
 from navstack.parameters.spelling import nearest
@@ -649,7 +650,7 @@ class _Translator:
         if self.substitute:
             self._add("warning", "nav2-substituted", block.at, key, f"{message}, so it is left out")
         else:
-            known = ", ".join(c for c, t in self.classes["layer"].items() if t)
+            known = ", ".join(exported_name("layer", c, self.distro) for c, t in self.classes["layer"].items() if t)
             message += f"; use one of: {known}; or leave it out with --substitute"
             self._add("error", "nav2-no-such-plugin", block.at, key, message)
         return None
