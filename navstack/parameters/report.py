@@ -30,7 +30,7 @@ from navstack.parameters.models.collision_monitor import (
 from navstack.parameters.models.docking import DockControllerParams, DockInstanceParams
 from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams, builtin_recoveries
 from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams
-from navstack.parameters.nodes import NODE_SECTIONS, ROS2_PARAMETERS, node_model
+from navstack.parameters.nodes import DOCKING_SECTION, NODE_SECTIONS, ROS2_PARAMETERS, node_model
 from navstack.parameters.plugin_lists import layer_names, planner_namespaces
 from navstack.parameters.sources import packaged_folder, packaged_sets, read_sources
 from navstack.parameters.tree import COSTMAPS
@@ -99,6 +99,7 @@ def same_parameters(a: Configuration, b: Configuration) -> bool:
             c.navstack,
             c.safety,
             c.localization,
+            c.docking,
         )
 
     return values(a) == values(b)
@@ -120,7 +121,7 @@ def _all(c: Configuration) -> Iterator[Parameter]:
     for recovery in {r.namespace: r for r in c.recoveries}.values():
         yield from walk.model(recovery.params, recovery.namespace, imposed.get(recovery.name))
     yield from walk.model(c.navstack, "navstack")
-    for name, params in (*c.safety.sections(), *c.localization.sections()):
+    for name, params in (*c.safety.sections(), *c.localization.sections(), (DOCKING_SECTION, c.docking)):
         if params is not None:
             yield from walk.model(params, name)
 

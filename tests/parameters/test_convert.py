@@ -159,6 +159,30 @@ def assert_same_dwa(before: Configuration, after: Configuration) -> None:
     assert other.occdist_scale == pytest.approx(scaled)
 
 
+def test_docks_and_their_types_survive_the_way_there_and_back(tmp_path: Path) -> None:
+    docking = {
+        "max_retries": 7,
+        "dock_plugins": ["charger", "place"],
+        "charger": {"plugin": "simple_charging_dock", "staging_x_offset": -0.5},
+        "place": {"plugin": "opennav_docking::SimpleNonChargingDock", "dock_direction": "backward"},
+        "docks": ["home"],
+        "home": {"type": "charger", "pose": [1.0, 2.0, 0.5]},
+        "controller": {"k_phi": 2.5},
+    }
+    sources = ["turtlebot", {"docking_server": docking}]
+    made, files = nav2(sources, tmp_path / "nav2", "kilted")
+    there = load_configuration(files, distro="kilted")
+    back = there_and_back(sources, tmp_path, "kilted")
+    for other in (there, back):
+        assert other.docking is not None
+        assert (other.docking.max_retries, other.docking.controller.k_phi) == (7, 2.5)
+        charger, place = (other.docking.sections[name] for name in ("charger", "place"))
+        assert type(charger).__name__ == "SimpleChargingDockParams" and charger.staging_x_offset == -0.5
+        assert type(place).__name__ == "SimpleNonChargingDockParams" and place.dock_direction == "backward"
+        assert other.docking.sections["home"].pose == [1.0, 2.0, 0.5]
+    assert [c for c in made.of_kind("no counterpart") if c.source.startswith("docking_server")] == []
+
+
 @pytest.mark.parametrize("distro", NAV2_DISTROS)
 def test_nav2_accepts_the_file_of_every_distribution(distro: str, tmp_path: Path) -> None:
     _, files = nav2(["turtlebot"], tmp_path / "out", distro)

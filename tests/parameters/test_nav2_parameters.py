@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from navstack.behavior_trees import find_tree
 from navstack.core import FrameTree, LaserScan, ParameterError, Pose2D, Transform2D
 from navstack.costmap import LayeredCostmap, Nav2ObservationSourceParams
+from navstack.docking import DockDatabase
 from navstack.parameters import (
     Configuration,
     Finding,
@@ -291,6 +292,138 @@ def test_a_keepout_filter_finds_its_mask_through_its_topics(tmp_path: Path) -> N
     )
     layer = loaded(text, tmp_path).local_costmap.layers[-1].params
     assert (layer.mask, layer.type, layer.base) == (str(tmp_path / "mask.yaml"), "absolute", 1.0)
+
+
+def test_a_binary_filter_finds_its_mask_through_its_topics(tmp_path: Path) -> None:
+    written(tmp_path, "image: mask.pgm", "mask.yaml")
+    text = replaced(
+        "      width: 3\n",
+        '      width: 3\n      filters: ["light"]\n      light:\n        plugin: "nav2_costmap_2d::BinaryFilter"\n'
+        '        filter_info_topic: "/info"\n        default_state: true\n        flip_threshold: 20.0\n',
+    )
+    text += (
+        "costmap_filter_info_server:\n  ros__parameters: {type: 3, filter_info_topic: info, mask_topic: /mask, multiplier: 2.0}\n"
+        "filter_mask_server:\n  ros__parameters: {topic_name: mask, yaml_filename: mask.yaml}\n"
+    )
+    layer = loaded(text, tmp_path).local_costmap.layers[-1]
+    assert layer.cls is LAYERS.get("binary_mask").cls
+    assert layer.params.model_dump() == {
+        "enabled": True,
+        "mask": str(tmp_path / "mask.yaml"),
+        "base": 0.0,
+        "multiplier": 2.0,
+        "default_state": True,
+        "flip_threshold": 20.0,
+    }
+
+
+_DECAYING = (
+    '      width: 3\n      plugins: ["voxels"]\n      voxels:\n'
+    '        plugin: "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer"\n        voxel_decay: 15.0\n'
+    "        observation_sources: livox\n        livox: {topic: cloud, model_type: 1, obstacle_range: 5.0, clearing: true}\n"
+)
+
+
+def test_a_spatio_temporal_voxel_layer(tmp_path: Path) -> None:
+    text = re.sub(r"      width: 3\n(.|\n)*?\n(?=\S)", _DECAYING, TEXT, count=1)
+    (layer,) = loaded(text, tmp_path).local_costmap.layers
+    assert layer.cls is LAYERS.get("decaying_voxel").cls
+    params = layer.params
+    assert (params.voxel_decay, params.voxel_size) == (15.0, 0.05)
+    source = params.sources["livox"]
+    assert (source.topic, source.model_type, source.obstacle_range) == ("cloud", 1, 5.0)
+    assert source.max_obstacle_height == 3.0  # the layer's own default: no finding about a source that sees nothing
+    assert not any(f.rule == "nav2-no-height" and "livox" in f.key for f in problems(text, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule", "expected"),
+    [
+        ("voxel_decay: 15.0", "voxel_decay: 15", "nav2-type", "write 15.0"),
+        ("voxel_decay: 15.0", "obstacle_range: 3.0", "nav2-wrong-level", "move it to voxels.livox.obstacle_range"),
+        (
+            "voxel_layer/Spatio",
+            "voxel_layer::Spatio",
+            "nav2-class-name",
+            "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer",
+        ),
+    ],
+)
+def test_a_spatio_temporal_voxel_layer_is_checked(old: str, new: str, rule: str, expected: str, tmp_path: Path) -> None:
+    text = re.sub(r"      width: 3\n(.|\n)*?\n(?=\S)", _DECAYING.replace(old, new), TEXT, count=1)
+    (found,) = [f for f in problems(text, tmp_path) if f.rule == rule]
+    assert expected in found.message
+
+
+def test_assisted_teleop_is_a_behavior_that_navstack_has(tmp_path: Path) -> None:
+    lines = 'behavior_plugins: ["spin", "assisted"]\n    assisted: {plugin: "nav2_behaviors::AssistedTeleop"}\n'
+    text = re.sub(r"behavior_plugins: .*\n", lines, TEXT)
+    assert "AssistedTeleop" in text
+    found = check_parameters([written(tmp_path, text)])
+    assert not [f for f in found if f.rule == "nav2-no-such-plugin"]
+
+
+_DOCKING = {
+    "undock_linear_tolerance": 0.1,
+    "dock_plugins": ["charger"],
+    "docks": ["home"],
+    "charger": {"plugin": "opennav_docking::SimpleChargingDock", "staging_x_offset": -0.5, "rotate_to_dock": False},
+    "home": {"type": "charger", "pose": [1.0, 2.0, 0.5]},
+    "controller": {"k_phi": 2.5, "lambda": 1.5},
+}
+
+
+def docking_of(parameters: dict[str, Any], folder: Path, **options: Any) -> Any:
+    text = TEXT + yaml.safe_dump({"docking_server": {"ros__parameters": parameters}})
+    return loaded(text, folder, **options)
+
+
+def test_a_docking_server_is_that_of_a_section_of_move_base(tmp_path: Path) -> None:
+    robot = docking_of(_DOCKING, tmp_path, distro="kilted")
+    other = load_configuration(["turtlebot", {"docking_server": _DOCKING}])
+    assert robot.docking is not None
+    assert robot.docking == other.docking
+    assert DockDatabase.of(robot).docks == DockDatabase.of(other).docks
+    assert DockDatabase.of(robot).dock("home").pose == Pose2D(1.0, 2.0, 0.5)
+
+
+@pytest.mark.parametrize("name", ["docks.yaml", "$(find-pkg-share my_docks)/config/docks.yaml"])
+def test_a_file_of_docks_stands_next_to_the_parameters(name: str, tmp_path: Path) -> None:
+    written(tmp_path, yaml.safe_dump({"docks": {"home": {"type": "charger", "pose": [1.0, 2.0, 0.5]}}}), "docks.yaml")
+    parameters = {k: v for k, v in _DOCKING.items() if k not in ("docks", "home")} | {"dock_database": name}
+    database = DockDatabase.of(docking_of(parameters, tmp_path, distro="kilted"))
+    assert database.dock("home").pose == Pose2D(1.0, 2.0, 0.5)
+
+
+def test_a_file_of_docks_that_is_missing_is_reported(tmp_path: Path) -> None:
+    parameters = {k: v for k, v in _DOCKING.items() if k not in ("docks", "home")} | {"dock_database": "docks.yaml"}
+    text = TEXT + yaml.safe_dump({"docking_server": {"ros__parameters": parameters}})
+    (found,) = [f for f in problems(text, tmp_path, distro="kilted") if f.rule == "nav2-docks"]
+    assert "put the file next to the parameters" in found.message
+    assert DockDatabase.of(docking_of(parameters, tmp_path, distro="kilted")).docks == {}
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_robot_of_jazzy_docks_backward(backwards: bool, tmp_path: Path) -> None:
+    """Up to Jazzy the server has the direction, from Kilted on each type of dock."""
+    charger = {"plugin": "opennav_docking::SimpleChargingDock"}
+    parameters = {**_DOCKING, "charger": charger, "dock_backwards": backwards}
+    docking = docking_of(parameters, tmp_path, distro="jazzy").docking
+    assert docking.sections["charger"].dock_direction == ("backward" if backwards else "forward")
+
+
+@pytest.mark.parametrize(
+    ("section", "values", "expected"),
+    [
+        ("controller", {"k_phi": 3}, "controller.k_phi = 3 is an integer, but it is declared as a double"),
+        ("charger", {"plugin": "opennav_docking::SimpleChargingDock", "staging_offset": 1.0}, "staging_offset"),
+        ("home", {"type": "charger", "pose": [1.0, 2.0]}, "write [x, y, yaw]"),
+    ],
+)
+def test_a_docking_server_is_checked(section: str, values: dict[str, Any], expected: str, tmp_path: Path) -> None:
+    text = TEXT + yaml.safe_dump({"docking_server": {"ros__parameters": {**_DOCKING, section: values}}})
+    found = problems(text, tmp_path, distro="kilted")
+    assert any(expected in f.message for f in found), [f.message for f in found]
 
 
 def test_another_controller_by_its_id() -> None:

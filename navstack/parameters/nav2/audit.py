@@ -325,9 +325,9 @@ class NodeAudit:
         for source in self._named("", "observation_sources", "monitor source", "monitor source"):
             self._named(f"{source}.", "exclusion_zones", "exclusion zone", "monitor exclusion zone")
 
-    def sources(self, prefix: str) -> None:
+    def sources(self, prefix: str, scope: str = "layer source") -> None:
         """Add the sensor sources of a layer."""
-        self._named(prefix, "observation_sources", "layer source", "layer source")
+        self._named(prefix, "observation_sources", "layer source", scope)
 
     def critics(self, prefix: str, at: Location, package: str) -> None:
         """Add the critics of a controller."""
@@ -562,6 +562,11 @@ def _layer_sources(audit: NodeAudit, prefix: str, at: Location) -> None:
     audit.sources(prefix)
 
 
+def _decaying_sources(audit: NodeAudit, prefix: str, at: Location) -> None:
+    del at
+    audit.sources(prefix, "decaying source")
+
+
 def _smac(audit: NodeAudit, prefix: str, at: Location) -> None:
     del at
     audit.add(f"{prefix}smoother.", "smac smoother")
@@ -588,6 +593,7 @@ def _container(audit: NodeAudit, prefix: str, at: Location) -> None:
 _EXPANSIONS: Final[dict[str, Callable[[NodeAudit, str, Location], None]]] = {
     "nav2_costmap_2d::ObstacleLayer": _layer_sources,
     "nav2_costmap_2d::VoxelLayer": _layer_sources,
+    "spatio_temporal_voxel_layer::SpatioTemporalVoxelLayer": _decaying_sources,
     "nav2_costmap_2d::PluginContainerLayer": _container,
     "nav2_smac_planner::SmacPlanner2D": _smac,
     "nav2_smac_planner::SmacPlannerHybrid": _smac,
@@ -606,6 +612,7 @@ _RUN: Final = frozenset(
         "collision_monitor",
         "controller_server",
         "costmap",
+        "docking_server",
         "planner_server",
         "velocity_smoother",
     }
@@ -813,7 +820,7 @@ def _cost(nodes: Nodes, distro: int) -> int:
 def value_problems(audit: NodeAudit) -> Iterator[Finding]:
     """Yield the values of a node that keep a robot from driving as its file says."""
     for block in audit.blocks:
-        if block.kind == "layer source":
+        if block.scope == "layer source":
             yield from _heights(audit, block)
         elif block.scope == "dwb_core::DWBLocalPlanner" and block.kind in ("controller", "primary controller"):
             yield from _dwb_limits(audit, block)

@@ -34,7 +34,16 @@ from navstack.parameters.report import Parameter, as_yaml, parameters_of
 from navstack.parameters.sources import Source, read_sources
 from navstack.parameters.spelling import nearest
 from navstack.parameters.tree import COSTMAPS
-from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS, SMOOTHERS, Plugin, Registry
+from navstack.plugins import (
+    DOCK_TYPES,
+    GLOBAL_PLANNERS,
+    LAYERS,
+    LOCAL_PLANNERS,
+    RECOVERY_BEHAVIORS,
+    SMOOTHERS,
+    Plugin,
+    Registry,
+)
 
 PARAMS_FILE: Final = "nav2_params.yaml"
 TREE_FILE: Final = "navigate_to_pose.xml"
@@ -248,6 +257,7 @@ class _Converter:
         self._behavior_server()
         self._bt_navigator()
         self._safety()
+        self._docking()
         self._amcl()
         self._required_nodes()
         kept = self._kept()
@@ -1038,6 +1048,23 @@ class _Converter:
                     for sub in below.value or () if below is not None else ():
                         self.table(name, "monitor sub-polygon", f"{name}/{child}/{sub}", f"{child}.{sub}.")
 
+    def _docking(self) -> None:
+        """The docking server, with the types of docks and the docks."""
+        node = "docking_server"
+        docking = self.c.docking
+        if docking is None or self.distro < JAZZY:
+            return
+        self.table(node, node, node)
+        for name in docking.dock_plugins:
+            plugin = self.params.get(f"{node}/{name}/plugin")
+            written = str(plugin.value) if plugin is not None else _DOCK_TYPE
+            kind = DOCK_TYPES.get(written).name if written in DOCK_TYPES else ""
+            scope = _DOCK_TYPES.get(kind, written)
+            self.text(node, f"{name}.plugin", scope, [plugin.name] if plugin is not None else ())
+            self.table(node, scope, f"{node}/{name}", f"{name}.")
+        for name in docking.docks:
+            self.table(node, "dock", f"{node}/{name}", f"{name}.")
+
     def _amcl(self) -> None:
         if not any(n.startswith("amcl/") for n in self.params):
             del self.nodes["amcl"]
@@ -1070,12 +1097,10 @@ class _Converter:
         base = f"{COSTMAPS[1]}/robot_base_frame"
         if self.distro >= HUMBLE:
             self._base_frame("smoother_server", "smoother_server")
-        if self.distro >= JAZZY:
+        if self.distro >= JAZZY and self.c.docking is None:
             self.put("docking_server", "docking_server", "base_frame", self.value(base), [base])
-            self.text(
-                "docking_server", "dock_plugins", ["simple_charging_dock"], note="nav2_bringup starts it; it needs one"
-            )
-            self.text("docking_server", "simple_charging_dock.plugin", "opennav_docking::SimpleChargingDock")
+            self.text("docking_server", "dock_plugins", [_DOCK_TYPE], note="nav2_bringup starts it; it needs one")
+            self.text("docking_server", f"{_DOCK_TYPE}.plugin", _DOCK_TYPES[_DOCK_TYPE])
 
     def _passing_smoother(self) -> None:
         node, scope = "velocity_smoother", "velocity_smoother"
@@ -1198,6 +1223,14 @@ def _absolute(topic: Any) -> Any:
     return [_absolute(t) for t in topic]
 
 
+_DOCK_TYPE: Final = "simple_charging_dock"
+_DOCK_TYPES: Final = {
+    _DOCK_TYPE: "opennav_docking::SimpleChargingDock",
+    "simple_non_charging_dock": "opennav_docking::SimpleNonChargingDock",
+}
+"""Registered name of a type of docks -> its class."""
+
+
 def _is_specs(value: Any) -> bool:
     return isinstance(value, list) and any(isinstance(v, dict) for v in value)
 
@@ -1209,6 +1242,7 @@ def _is_filter(name: str) -> bool:
         "collision_monitor",
         "collision_detector",
         "amcl",
+        "docking_server",
     )
 
 

@@ -162,13 +162,14 @@ CLASSES: Final[Mapping[str, Mapping[str, str]]] = {
         "nav2_costmap_2d::LegacyInflationLayer": "costmap_2d::InflationLayer",
         "nav2_costmap_2d::RangeSensorLayer": "range_sensor_layer::RangeSensorLayer",
         "nav2_costmap_2d::DenoiseLayer": "nav2_costmap_2d::DenoiseLayer",
+        "spatio_temporal_voxel_layer::SpatioTemporalVoxelLayer": "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer",
         "nav2_costmap_2d::AsymmetricInflationLayer": "",
         "nav2_costmap_2d::PluginContainerLayer": "",
     },
     "filter": {
         "nav2_costmap_2d::KeepoutFilter": "nav2_costmap_2d::KeepoutFilter",
         "nav2_costmap_2d::SpeedFilter": "nav2_costmap_2d::SpeedFilter",
-        "nav2_costmap_2d::BinaryFilter": "",
+        "nav2_costmap_2d::BinaryFilter": "nav2_costmap_2d::BinaryFilter",
         "nav2_costmap_2d::ZoneParameterFilter": "",
     },
     "behavior": {
@@ -176,7 +177,7 @@ CLASSES: Final[Mapping[str, Mapping[str, str]]] = {
         "nav2_behaviors::BackUp": "nav2_behaviors::BackUp",
         "nav2_behaviors::DriveOnHeading": "nav2_behaviors::DriveOnHeading",
         "nav2_behaviors::Wait": "nav2_behaviors::Wait",
-        "nav2_behaviors::AssistedTeleop": "",
+        "nav2_behaviors::AssistedTeleop": "nav2_behaviors::AssistedTeleop",
     },
     "navigator": {
         "nav2_bt_navigator::NavigateToPoseNavigator": "",
@@ -215,7 +216,8 @@ def exported_name(kind: str, name: str, distro: int) -> str:
     """Return the name under which a distribution exports a class (canonical name)."""
     if kind == "behavior" and distro <= GALACTIC:
         name = name.replace("nav2_behaviors::", "nav2_recoveries::")
-    return name.replace("::", "/") if kind in _SLASH_UP_TO_IRON and distro <= IRON else name
+    slash = (kind in _SLASH_UP_TO_IRON and distro <= IRON) or not name.startswith(("nav2_", "dwb_"))
+    return name.replace("::", "/") if slash else name
 
 
 # ----------------------------------------------------------------------------------------------------------------------

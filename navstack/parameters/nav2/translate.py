@@ -22,6 +22,7 @@ from navstack.parameters.nav2.declared import (
     Declared,
     declared,
     declared_natively,
+    exported_name,
 )
 from navstack.parameters.nav2.document import COSTMAP_NODES, NAVIGATION, Nodes, Param, RosNode, read_nodes
 from navstack.parameters.spelling import nearest
@@ -204,6 +205,7 @@ class _Translator:
         for name in ("velocity_smoother", "collision_monitor", "collision_detector", "amcl"):
             if name in self.nodes.nodes and exists(name, self.distro):
                 self._node_section(name)
+        self._docking()
         self._behavior_tree()
         self._report_without()
         self._report_not_run()
@@ -611,7 +613,7 @@ class _Translator:
             for source in audit.of_kind("layer source"):
                 if source.prefix == f"{block.prefix}{source.id}.":
                     at_source = self._section(f"{section}/{source.id}", node, source.prefix)
-                    self._rows(node, source.prefix, self._declared("layer source"), at_source)
+                    self._rows(node, source.prefix, self._declared(source.scope), at_source)
             if block.scope == "nav2_costmap_2d::PluginContainerLayer":
                 inside = self._layers(node, audit, block.prefix, section, static)
                 self._put(below, "plugins", [id_ for id_, _, _ in inside], block.at)
@@ -648,7 +650,7 @@ class _Translator:
         if self.substitute:
             self._add("warning", "nav2-substituted", block.at, key, f"{message}, so it is left out")
         else:
-            known = ", ".join(c for c, t in self.classes["layer"].items() if t)
+            known = ", ".join(exported_name("layer", c, self.distro) for c, t in self.classes["layer"].items() if t)
             message += f"; use one of: {known}; or leave it out with --substitute"
             self._add("error", "nav2-no-such-plugin", block.at, key, message)
         return None
@@ -701,6 +703,7 @@ class _Translator:
         kind = info.value("type")
         if "Speed" in block.scope:
             self._put(below, "type", "absolute" if kind == 2 else "percent", info.at)
+        if "Keepout" not in block.scope:
             for name in ("base", "multiplier"):
                 if name in info.params:
                     self._take(info, info.params[name], below, name)
@@ -786,6 +789,51 @@ class _Translator:
                 below = self._section(f"{name}/{block.prefix[:-1].replace('.', '/')}", node, block.prefix)
                 rows = {n: r for n, r in self._declared(scope).items() if block.prefix + n in node.params}
                 self._rows(node, block.prefix, rows, below)
+
+    def _docking(self) -> None:
+        """The docking server, with the types of docks and the docks."""
+        name = "docking_server"
+        if name not in self.nodes.nodes or not exists(name, self.distro):
+            return
+        node, audit = self.nodes.nodes[name], self.audits[name]
+        space = self._section(name, node, "")
+        self._rows(node, "", self._declared(name), space)
+        self._dock_database(node, space)
+        backwards = node.params.get("dock_backwards")
+        for block in audit.of_kind("dock plugin"):
+            below = self._section(f"{name}/{block.id}", node, block.prefix)
+            plugin = node.params.get(f"{block.prefix}plugin")
+            if plugin is not None:
+                self._take(node, plugin, below, "plugin")
+            self._rows(node, block.prefix, self._declared(block.scope), below)
+            for param in node.params.values():
+                if not block.known and param.name.startswith(
+                    block.prefix
+                ):  # a type of another package has its own names
+                    self._take(node, param, below, param.name.removeprefix(block.prefix).replace(".", "/"))
+            if backwards is not None and node.value("dock_backwards") is True:
+                self._put(below, "dock_direction", "backward", backwards.at)
+        for block in audit.of_kind("dock"):
+            at_dock = self._section(f"{name}/{block.id}", node, block.prefix)
+            self._rows(node, block.prefix, self._declared("dock"), at_dock)
+
+    def _dock_database(self, node: RosNode, space: Space) -> None:
+        """The file of docks: where the parameters say, or under its name next to them."""
+        named, param = node.text("dock_database"), node.params.get("dock_database")
+        if not named or param is None:
+            return
+        folder = Path(param.at.file).parent
+        places = (folder / Path(named).expanduser(), folder / Path(named).name)
+        file = next((place.resolve() for place in places if is_file(place)), None)
+        if file is not None:
+            self._put(space, "dock_database", str(file), param.at)
+            return
+        message = (
+            f"the dock database {Path(named).name} is not found, neither as {named} nor next to the parameters, so no dock has "
+            "a name; put the file next to the parameters"
+        )
+        self._add("warning", "nav2-docks", param.at, node.key("dock_database"), message)
+        self._put(space, "dock_database", "", param.at)
 
     def _base_frame(self, node: RosNode) -> None:
         """Note that another base frame is taken as that of the costmap: poses are planar, so base_footprint is base_link."""
