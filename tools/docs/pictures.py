@@ -132,6 +132,8 @@ def main() -> None:
             *("--narrowest", "0.6", "--out", images / "passages_footprint.png"),
         )
         navstack("info", "--states", images / "states.png")
+        navstack("dock", "--noise", "0.03", "--seed", "4", "--out", folder / "dock")
+        shutil.copy(folder / "dock" / "dock.png", images / "docking.png")
         _localization(images, folder)
         # the files of the tutorial on safety
         text = (IMAGES.parent / "tutorials" / "safety.md").read_text(encoding="utf-8")
