@@ -427,7 +427,9 @@ class LiveServer:
     def _progress(self) -> messages.Progress:
         since, (text, done, total) = self._since, self._doing
         seconds = 0.0 if since is None else time.monotonic() - since
-        return messages.Progress(text=text or "simulating", done=done, total=total, seconds=round(seconds, 1))
+        stands = self.stage is not None and all(session.paused for session in self.stage.sessions)
+        text = text or ("working" if stands else "simulating")
+        return messages.Progress(text=text, done=done, total=total, seconds=round(seconds, 1))
 
     async def _prepared(self) -> Stage | None:
         """Returns the stage, prepared; None if that failed."""

@@ -165,7 +165,7 @@ class TreeServers:
     # --- Servers ------------------------------------------------------------------------------------------------------
 
     def send(self, server: str, goal: Mapping[str, object]) -> ActionTicket | None:
-        """Start a goal; None for a server that navstack does not have."""
+        """Start a goal; None for a server that navstack offers to no tree."""
         ticket = ActionTicket()
         if server in _PLANNERS:
             self._start_plan(ticket, server, goal)
@@ -175,7 +175,9 @@ class TreeServers:
             self._start_behavior(ticket, server, goal)
         else:
             self._events.warn(
-                self.now, f'the behavior tree asks for the server "{server}", which navstack does not have'
+                self.now,
+                f'the behavior tree asks for the server "{server}", which navstack offers to no tree; '
+                "docking, routes and coverage are steps of a scenario (docs/concepts/behavior_trees.md)",
             )
             return None
         return ticket

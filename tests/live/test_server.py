@@ -380,6 +380,21 @@ def test_while_the_simulation_takes_long_the_server_says_so(session: Session, mo
     served(session, body)
 
 
+def test_what_takes_long_while_the_time_stands_is_not_called_simulating(session: Session) -> None:
+    go_on = threading.Event()
+
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        asked = asyncio.ensure_future(server.in_simulation(lambda: go_on.wait(LIMIT_S)))
+        assert (await heard(socket, "progress", lambda p: p["seconds"] > 0.5))["text"] == "working"
+        go_on.set()
+        assert await asked
+        await socket.close()
+
+    session.pause(True)
+    served(session, body)
+
+
 async def heard(
     socket: aiohttp.ClientWebSocketResponse, kind: str, wanted: Callable[[dict[str, Any]], Any]
 ) -> dict[str, Any]:

@@ -25,6 +25,7 @@ GROUPS = (
     ("Local planners", ("Local planner", "Path handler", "Goal checker", "Progress checker")),
     ("Critics", ("Critic",)),
     ("Recovery behaviors", ("Recovery behavior",)),
+    ("Docking", ("docking_server", "Dock type", "Dock detector")),
     ("Safety", ("twist_mux", "velocity_smoother", "collision")),
     ("Localization", ("amcl", "supervision", "ekf")),
 )

@@ -132,6 +132,9 @@ def main() -> None:
             *("--narrowest", "0.6", "--out", images / "passages_footprint.png"),
         )
         navstack("info", "--states", images / "states.png")
+        noise = ("--seed", "4", "--set", "navstack/sim/dock_camera/yaw_noise=0.0524")
+        navstack("dock", *noise, "--out", folder / "dock")
+        shutil.copy(folder / "dock" / "dock.png", images / "docking.png")
         _localization(images, folder)
         # the files of the tutorial on safety
         text = (IMAGES.parent / "tutorials" / "safety.md").read_text(encoding="utf-8")
