@@ -6,6 +6,7 @@ method `tick`; register it with `@NODES.register("MyNode")`, or by an entry poin
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
 from enum import IntEnum
@@ -132,7 +133,7 @@ class Conditions:
             self.post(self.board)
 
 
-class Node:
+class Node(ABC):
     """Base class of all nodes."""
 
     PORTS: ClassVar[tuple[Port, ...]] = ()
@@ -183,12 +184,12 @@ class Node:
 
     # --- for subclasses -----------------------------------------------------------------------------------------------
 
-    def setup(self) -> None:
+    def setup(self) -> None:  # noqa: B027
         """Prepare the node after its ports and children are connected. May raise BehaviorTreeRunError."""
 
+    @abstractmethod
     def tick(self) -> Status:
         """Do the work of one tick and return its status."""
-        raise NotImplementedError
 
     def halt(self) -> None:
         """Stop what is running, and reset the node."""
@@ -332,13 +333,13 @@ class Action(Leaf):
 class StatefulAction(Action):
     """An action in three parts: `start` and `go_on` return a status, `halted` stops it."""
 
+    @abstractmethod
     def start(self) -> Status:
         """Begin; called in the first tick."""
-        raise NotImplementedError
 
+    @abstractmethod
     def go_on(self) -> Status:
         """Continue; called in the ticks that follow RUNNING."""
-        raise NotImplementedError
 
     def tick(self) -> Status:
         """Start or go on."""

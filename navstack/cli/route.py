@@ -159,6 +159,10 @@ def _server_values(file: Path) -> dict[str, Any]:
     if errors:
         raise InputError(f"{errors[0].location}: {errors[0].message}")
     values: Any = plain_values(read.root)
+    if isinstance(values, dict) and "route_server" not in values:
+        nodes = [str(name) for name, inner in values.items() if isinstance(inner, dict) and "ros__parameters" in inner]
+        if nodes:
+            raise InputError(f"{file} has no section route_server (it has {', '.join(nodes[:8])}); add one")
     for key in ("route_server", "ros__parameters"):
         values = values.get(key, values)
         if not isinstance(values, dict):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from json.decoder import JSONDecodeError
 from pathlib import Path
@@ -250,7 +251,7 @@ def _geometry(reader: _Reader, feature: _Feature) -> str:
     return kind
 
 
-class _Items:
+class _Items(ABC):
     """What nodes and edges share: ids, metadata, operations."""
 
     what = ""
@@ -275,9 +276,9 @@ class _Items:
             self.operations[index] = tuple(self._operations(feature, properties["operations"]))
         return properties
 
+    @abstractmethod
     def add_id(self, feature: _Feature, number: int) -> None:
         """Keep the id of the next item."""
-        raise NotImplementedError
 
     def id_of(self, feature: _Feature, properties: dict[str, Any], key: str) -> int:
         """Return an id of the properties."""

@@ -146,6 +146,7 @@ class CostmapParams(ParamModel):
     invalid_off_map: bool = param(True, "close edges whose ends are not on the costmap")
     max_cost: float = param(253.0, "cost that closes an edge, and by which costs are divided", gt=0.0, le=255.0)
     check_resolution: int = param(2, "look at every n-th cell", ge=1)
+    costmap_topic: str = param("global_costmap/costmap_raw", "no effect: the scorer reads the global costmap")
     nav2_compatible: bool = param(
         False,
         "count unknown cells as 255 in the mean, as Nav2 does",

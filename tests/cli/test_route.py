@@ -84,3 +84,12 @@ def test_wrong_input(graph_file: Path, arguments: list[str], message: str, capsy
     error = capsys.readouterr().err
     assert message in error.replace("\n", " ")
     assert "Traceback" not in error
+
+
+def test_route_params_without_a_route_server(
+    graph_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    server = tmp_path / "nav2.yaml"
+    server.write_text("bt_navigator:\n  ros__parameters: {use_sim_time: true}\n")
+    assert run(["route", "plan", str(graph_file), "--start", "0", "--goal", "3", "--route-params", str(server)]) == 2
+    assert "has no section route_server (it has bt_navigator); add one" in " ".join(capsys.readouterr().err.split())
