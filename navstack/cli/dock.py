@@ -191,12 +191,13 @@ def dock(chosen: DockOptions, out: options.RunOutput = Path("navstack_dock"), js
                 plot_docking(record, out / picture, docking=number, whole=chosen.whole)
             )
         files["summary"] = str(out / "summary.json")
-        document = {**result.as_dict(), "error": _error(scenario, name, result), "files": files}
+        error = _error(scenario, name, result)
+        document = {**result.as_dict(), "error": error, "files": files}
         write_json(out / "summary.json", document)
         if json_:
             print_json(document)
         else:
-            _print(result, document["error"], files)
+            _print(result, error, files)
         if interrupt():
             return interrupt.exit_code
     return 0 if all(goal.succeeded for goal in result.goals) else 1

@@ -26,7 +26,7 @@ _CRITICS: Final = (
     "PathFollowCritic",
     "PathAngleCritic",
 )
-"""Without PreferForwardCritic: a car has to drive backward."""
+"""Those of a car, which has to drive backward: without PreferForwardCritic."""
 _TAKEN: Final = {
     "vx_max": ("max_vel_x", 1.0),
     "vx_min": ("max_vel_x_backwards", -1.0),
@@ -76,6 +76,9 @@ def _take_over(root: Space, given: Space | None, at: Location) -> None:
     made.put("model_dt", at, _scalar(period, at))
     made.put("time_steps", at, _scalar(max(8, round(_HORIZON_S / period)), at))
     made.ensure("CostCritic", at).put("consider_footprint", at, _scalar(True, at))
+    backward = given is not None and (_number(given, "min_turning_radius") or 0.0) > 0.0
+    critics = _CRITICS if backward else (*_CRITICS, "PreferForwardCritic")
+    made.put("critics", at, ListNode([_scalar(critic, at) for critic in critics], at))
     if given is None:
         return
     for name, (theirs, sign) in _TAKEN.items():
@@ -86,7 +89,6 @@ def _take_over(root: Space, given: Space | None, at: Location) -> None:
     if radius > 0.0:
         made.put("motion_model", at, _scalar("Ackermann", at))
         made.ensure("AckermannConstraints", at).put("min_turning_r", at, _scalar(radius, at))
-        made.put("critics", at, ListNode([_scalar(critic, at) for critic in _CRITICS], at))
         sim = root.ensure("navstack", at).ensure("sim", at)
         if sim.leaf("kinematics") is None:
             sim.put("kinematics", at, _scalar("ackermann", at))

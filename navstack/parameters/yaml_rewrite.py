@@ -254,6 +254,8 @@ def _changes(base: Configuration, target: Configuration) -> Iterator[ValueChange
         old = before.get(name)
         if parameter.remark or parameter.value is None or (old is not None and old.value == parameter.value):
             continue
+        if parameter.origin is None and (old is None or old.origin is None):
+            continue  # nobody sets it: it follows another parameter
         origin = old.origin if old is not None else None
         place = f"{origin.file}:{origin.line}" if origin is not None and origin.line else ""
         yield ValueChange(name, old.value if old is not None else None, parameter.value, place, origin is None)

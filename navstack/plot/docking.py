@@ -75,7 +75,7 @@ def plot_docking(
                 used.add(state)
         entries += draw_obstacles(picture.axes, record)
         last = rows[-1].stop - 1 if rows else len(record.times) - 1
-        if record.footprint is not None and len(record.times):
+        if len(record.times):
             at = drawing.pose_of(record.poses[min(max(last, 0), len(record.poses) - 1)])
             entries.append((drawing.draw_footprint(picture.axes, record.footprint, at), "robot at the end"))
         drawing.draw_heading(picture.axes, dock, colors.VERMILLION, picture.points_per_m)

@@ -93,7 +93,7 @@ def step_text(step: Step) -> str:
 
 
 def motion_of(
-    step: behaviors.Step | CoverStep,
+    step: Step,
     params: MotionParams,
     *,
     turning_radius: float = 0.0,
@@ -103,6 +103,8 @@ def motion_of(
     """Return the motion of a step, see `navstack.behaviors.motion_of`. Raises InputError for one that the base cannot do."""
     if isinstance(step, CoverStep):
         return step.motion(params, turning_radius=turning_radius)
+    if isinstance(step, (DockStep, UndockStep)):
+        raise InvalidMotionError(f"{step_text(step)} is a task of several motions; give it to the goals of a scenario")
     return behaviors.motion_of(
         step, params, turning_radius=turning_radius, drive=drive, max_wheel_speed=max_wheel_speed
     )

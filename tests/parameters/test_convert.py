@@ -132,6 +132,9 @@ def assert_same_effect(before: Configuration, after: Configuration) -> None:
         assert other.footprint.vertices == pytest.approx(one.footprint.vertices)
         if one.footprint.vertices.shape[0] != 16:
             carried = [n for n in carried if n != f"{costmap}/robot_radius"]  # the footprint takes precedence
+    clouds = [n for n in carried if n.endswith("/data_type") and old[n] == "PointCloud"]  # Nav2 reads PointCloud2 only
+    assert all(new[n] == "PointCloud2" for n in clouds)
+    carried = [n for n in carried if n not in clouds]
     assert {n: (old[n], new.get(n)) for n in carried if not same(n, old[n], new.get(n))} == {}
 
 

@@ -14,8 +14,8 @@ from navstack.scenario.file_reader import scenarios_in
 GOOD = "map: office\nstart: corridor_west\ngoals: [office_2]\n"
 
 KEYS = (
-    "name, description, distro, allow_missing, seed, time_limit, pause, stop_on_failure, map, places, params, set, sim, start, "
-    "goals, tour, shapes, interactions, success"
+    "name, description, distro, allow_missing, seed, time_limit, pause, stop_on_failure, pass_through, map, places, params, set, "
+    "sim, start, goals, tour, shapes, interactions, low_battery, success"
 )
 POSE = "[x, y], [x, y, yaw] (m, rad) or the name of a place"
 PLACES = (

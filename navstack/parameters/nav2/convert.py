@@ -889,7 +889,21 @@ class _Converter:
             return
         self.used.update(f"{layer.namespace}/{n}" for n in ("obstacle_range", "raytrace_range"))
         for source in str(self.value(f"{layer.namespace}/observation_sources")).split():
-            self.table(node, "layer source", f"{layer.namespace}/{source}", f"{id_}.{source}.")
+            own = f"{layer.namespace}/{source}/data_type"
+            cloud = self.value(own) == "PointCloud"  # Nav2 refuses it
+            self.table(
+                node,
+                "layer source",
+                f"{layer.namespace}/{source}",
+                f"{id_}.{source}.",
+                skip={"data_type"} if cloud else set(),
+            )
+            if cloud:
+                note = "Nav2 reads no PointCloud; the sensor must publish PointCloud2"
+                prefix = f"{id_}.{source}."
+                self.put(
+                    node, "layer source", "data_type", "PointCloud2", [own], prefix=prefix, kind="nearest", note=note
+                )
 
     # --- behaviors, tree ----------------------------------------------------------------------------------------------
 
