@@ -22,7 +22,7 @@ from navstack.scenario import Scenario, load_scenario
 
 WANTED = os.environ.get("NAVSTACK_BROWSER_TESTS") == "1"
 CHROMIUM = os.environ.get("NAVSTACK_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-TIMEOUT_MS = 30_000
+TIMEOUT_MS = 180_000
 """Longest wait for something on the page: far more than it takes, also on a busy machine."""
 CORRIDOR = "map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[4.8, 7.45, 0.0]]\n"
 """A goal 4 m away, in the corridor of the office."""
