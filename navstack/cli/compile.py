@@ -32,7 +32,7 @@ def compile_(
     for name in names:
         if name not in known:
             raise InputError(f'no kernels are recorded for "{name}"; known are: {", ".join(sorted(known))}')
-    count = compile_kernels(names or None)
+    count = compile_kernels(names or None, required=True)
     stdout().print(
         f"{count} specializations compiled; the cache is {folder}" if count else f"the cache is complete: {folder}"
     )

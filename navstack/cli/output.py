@@ -189,11 +189,16 @@ def loading_kernels(
 
 
 def compile_kernels(
-    uses: Sequence[str] | None, *, quiet: bool = False, progress: Callable[[int, int], None] | None = None
+    uses: Sequence[str] | None,
+    *,
+    quiet: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+    required: bool = False,
 ) -> int:
     """Compiles the missing kernels of these uses (None: all) in parallel; shows a bar, or a note without a terminal.
 
-    `progress(done, total)` is called as well. Returns the number of specializations that were missing.
+    `progress(done, total)` is called as well; `required` as in `compile_ahead`. Returns the number of specializations that
+    were missing.
     """
     from navstack.core import compile_ahead
 
@@ -211,7 +216,7 @@ def compile_kernels(
             if progress is not None:
                 progress(done, total)
 
-        return compile_ahead(uses, show)
+        return compile_ahead(uses, show, required=required)
 
 
 def _shows_nothing(done: int, total: int) -> None:

@@ -89,16 +89,19 @@ def recorded_specializations(uses: Collection[str] | None = None) -> list[Specia
     ]
 
 
-def compile_ahead(uses: Collection[str] | None = None, progress: Progress | None = None) -> int:
+def compile_ahead(
+    uses: Collection[str] | None = None, progress: Progress | None = None, *, required: bool = False
+) -> int:
     """Compile what is recorded for these uses (None: all), of the modules that are imported, and missing in the cache.
 
-    Returns the number of specializations that were missing; 0 if nothing can be cached or processes are not wanted.
+    Returns the number of specializations that were missing; 0 if nothing can be cached. Where a process gains nothing, as
+    on a single core, kernels are left to their first use, unless compiling ahead is `required`.
     """
-    processes = _processes()
+    processes = max(_processes(), int(required))
     if processes < 1:
         return 0
     missing = [each for each in recorded_specializations(uses) if each.is_cached() is False]
-    if len(missing) < _FEWEST:
+    if not missing or (len(missing) < _FEWEST and not required):
         return 0
     _order(missing)
     _Workers(missing, min(processes, len(missing))).run(progress)

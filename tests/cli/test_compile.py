@@ -14,7 +14,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Collection[str] | None]:
     """The uses whose kernels were wanted; two of three kernels are missing."""
     asked: list[Collection[str] | None] = []
 
-    def compile_ahead(uses: Collection[str] | None, progress: Callable[[int, int], None]) -> int:
+    def compile_ahead(uses: Collection[str] | None, progress: Callable[[int, int], None], *, required: bool) -> int:
+        assert required
         asked.append(uses)
         for done in range(3):
             progress(done, 2)

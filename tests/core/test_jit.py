@@ -256,6 +256,15 @@ def test_kernels_are_compiled_ahead_in_processes(listed: Path) -> None:
 
 
 @pytest.mark.slow
+def test_on_a_single_core_kernels_are_compiled_ahead_only_if_required(listed: Path) -> None:
+    required = AHEAD.replace('["use"], progress', '["use"], progress, required=True')
+    assert run(listed, AHEAD, **{PROCESSES_VARIABLE: "0"}).splitlines() == ["0", "[] 4 compiled"]
+    # that first call compiled two of the four
+    assert run(listed, required, **{PROCESSES_VARIABLE: "0"}).splitlines()[0] == "2"
+    assert run(listed, required, **{PROCESSES_VARIABLE: "0"}).splitlines()[0] == "0"
+
+
+@pytest.mark.slow
 def test_without_processes_kernels_are_compiled_at_their_first_call(listed: Path) -> None:
     broken = AHEAD.replace("reports = []", "reports = []; sys.executable = '/no/python'")
     assert run(listed, broken, **{PROCESSES_VARIABLE: "2"}).splitlines() == ["4", "[] 4 compiled"]
