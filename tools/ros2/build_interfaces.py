@@ -202,7 +202,7 @@ class Build:
         target.parent.mkdir(exist_ok=True)
         compiler = ["g++", "-std=c++17"] if file.suffix == ".cpp" else ["gcc", "-std=gnu11"]
         subprocess.run(
-            [*compiler, "-O1", "-fPIC", "-w", "-c", str(file), "-o", str(target), *self.includes], check=True
+            [*compiler, "-O0", "-fPIC", "-w", "-c", str(file), "-o", str(target), *self.includes], check=True
         )
         return target
 
