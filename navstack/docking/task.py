@@ -97,17 +97,9 @@ class DockTask:
     @property
     def result(self) -> GoalResult:
         """The outcome in the form of a goal's."""
-        error = self.error
-        return GoalResult(
-            self.status,
-            self.text,
-            0 if error is None else error.code,
-            "NONE" if error is None else error.name,
-            "" if error is None else error.message,
-            self.data,
-            sent_at=self.started_at,
-            accepted_at=self.started_at,
-            ended_at=self.ended_at,
+        begin, end = self.started_at, self.ended_at
+        return GoalResult.of(
+            self.status, self.text, self.error, self.data, sent_at=begin, accepted_at=begin, ended_at=end
         )
 
     # --- course -------------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
 from types import MappingProxyType
 from typing import Any, Final
@@ -230,6 +230,24 @@ class GoalResult:
     sent_at: float = 0.0
     accepted_at: float | None = None
     ended_at: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        status: GoalStatus,
+        text: str,
+        error: NavError | None,
+        data: dict[str, Any] | None = None,
+        *,
+        sent_at: float = 0.0,
+        accepted_at: float | None = None,
+        ended_at: float = 0.0,
+    ) -> GoalResult:
+        """Return the result of a task that ended with an error, or with success (None)."""
+        found = cls(status, text, data=data or {}, sent_at=sent_at, accepted_at=accepted_at, ended_at=ended_at)
+        if error is None:
+            return found
+        return replace(found, error_code=error.code, error_name=error.name, message=error.message)
 
     @property
     def recoveries(self) -> int:
@@ -506,13 +524,5 @@ class SimpleActionServer:
 
 
 def _result(handle: GoalHandle, status: GoalStatus, text: str, now: float, error: NavError) -> GoalResult:
-    return GoalResult(
-        status,
-        text,
-        error.code,
-        error.name,
-        error.message,
-        sent_at=handle.goal.stamp,
-        accepted_at=handle.accepted_at,
-        ended_at=now,
-    )
+    sent_at, accepted_at = handle.goal.stamp, handle.accepted_at
+    return GoalResult.of(status, text, error, sent_at=sent_at, accepted_at=accepted_at, ended_at=now)

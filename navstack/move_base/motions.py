@@ -64,17 +64,15 @@ class MotionHandle:
     @property
     def result(self) -> GoalResult:
         """The outcome in the form of a goal's."""
-        error = self.error
-        return GoalResult(
+        ended_at = self.sent_at if self.ended_at is None else self.ended_at
+        return GoalResult.of(
             self.status,
             self.text,
-            0 if error is None else error.code,
-            "NONE" if error is None else error.name,
-            "" if error is None else error.message,
+            self.error,
             self.data,
             sent_at=self.sent_at,
             accepted_at=self.sent_at,
-            ended_at=self.sent_at if self.ended_at is None else self.ended_at,
+            ended_at=ended_at,
         )
 
     @property

@@ -102,9 +102,7 @@ class ChargingErrand:
     def result(self) -> GoalResult:
         """The outcome: the failure of docking."""
         if self.task is None or self._failure is not None:
-            exc = self._failure
-            code, name = (exc.code, exc.name) if exc is not None else (0, "NONE")
-            return GoalResult(self.status, "", code, name, exc.message if exc is not None else "")
+            return GoalResult.of(self.status, "", self._failure)
         return self.task.result
 
     @property
