@@ -4,7 +4,8 @@
 
 A line per map. `share` is of what the tool reaches from where the footprint fits with the clearance, `of all` of what it would
 reach without one. The time is the least of five plans with loaded kernels. `--drive` drives the plan in the simulator; its
-figures are those of the true track; 99 % of it are at most `off` from the plan (if no part was planned again). Maps are in the folder `data` (see `reference.py`).
+figures are those of the true track; 99 % of it are at most `off` from the plan (if no part was planned again). Maps are in the
+folder `data` (see `reference.py`).
 """
 
 from __future__ import annotations
@@ -103,8 +104,8 @@ def main() -> None:
     options = parser.parse_args()
     head = f"{'map':13} {'m²':>7} {'share':>7} {'overlap':>8} {'of all':>7} {'length':>8} {'turns':>6} {'plan s':>7}"
     if options.drive:
-        head += f" | {'driven':>7} {'overlap':>8} {'change':>7} {'length':>8} {'time s':>7} {'off mm':>6} {'plans':>5} {'hits':>5}"
-        head += " state"
+        head += f" | {'driven':>7} {'overlap':>8} {'change':>7} {'length':>8} {'time s':>7} {'off mm':>6}"
+        head += f" {'plans':>5} {'hits':>5} state"
     print(head, flush=True)
     if options.processes == 1:
         for name in options.maps:
