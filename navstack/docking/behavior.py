@@ -445,7 +445,7 @@ class Approach(DockMotion):
         return self.drive_towards(pose, target, state, backward=self.dock_type.drives_backward, left=left)
 
     def _wait_for_charge(self, pose: Pose2D, state: RobotState, now: float) -> BehaviorStep:
-        """Wait for the current; drive on if the robot is short of the dock, which is known better the longer it is seen.
+        """Wait for the current; after half the time drive on if the robot is short of the dock, which is known better by then.
 
         ROS differs: in Nav2 it stands.
         """
@@ -460,7 +460,7 @@ class Approach(DockMotion):
             )
         self._refined(now)
         short = -Transform2D(*self._known).inverse().apply(pose).x
-        if short > SHORT_M:
+        if short > SHORT_M and now - self._since > 0.5 * limit:
             return self.running(self._into_dock(pose, state), f"no current; {short:.3f} m before the dock")
         return self.running(Twist2D(), "docked, waiting for the charging current")
 
