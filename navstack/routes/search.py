@@ -10,7 +10,15 @@ import numpy as np
 from navstack.core import kernel, line_next, line_start
 
 NODE = np.dtype(
-    [("route_cost", "f4"), ("by_edge", "i4"), ("in_search", "i8"), ("x", "f4"), ("y", "f4"), ("first", "i4"), ("end", "i4")]
+    [
+        ("route_cost", "f4"),
+        ("by_edge", "i4"),
+        ("in_search", "i8"),
+        ("x", "f4"),
+        ("y", "f4"),
+        ("first", "i4"),
+        ("end", "i4"),
+    ]
 )
 """Of a node: cost from the start, the edge by which it was reached (-1: the start), the number of the search that wrote both;
 position (m), and its edges `first` to `end`.
@@ -27,9 +35,13 @@ QUEUED = np.dtype([("priority", "f8"), ("route_cost", "f4"), ("node", "i4")])
 
 @kernel
 def _push(queue, at, priority, cost, node):
-    """Move an entry up from the hole `at` to its place; entries that are equal stay above it."""
+    """Move an entry up from the hole `at` (uint64) to its place; entries that are equal stay above it.
+
+    Indices are unsigned: signed ones are checked for Python's negative indices at every access.
+    """
+    one = np.uint64(1)
     while at > 0:
-        parent = (at - 1) // 2
+        parent = (at - one) >> one
         if not queue[parent].priority > priority:
             break
         queue[at] = queue[parent]
@@ -41,23 +53,24 @@ def _push(queue, at, priority, cost, node):
 
 @kernel
 def _pop(queue, size):
-    """Remove the first of `size` entries: the hole goes down to the bottom, the last entry up from there.
+    """Remove the first of `size` (uint64) entries: the hole goes down to the bottom, the last entry up from there.
 
     That is the order of the C++ standard library's heap, in which entries of equal cost, and so routes of equal cost, come.
     """
-    rest = size - 1
+    one = np.uint64(1)
+    rest = size - one
     priority, cost, node = queue[rest].priority, queue[rest].route_cost, queue[rest].node
-    at = child = 0
-    while child < (rest - 1) // 2:
-        child = 2 * (child + 1)
-        if queue[child].priority > queue[child - 1].priority:
-            child -= 1
+    at = np.uint64(0)
+    left = one
+    while left + one < rest:
+        right = left + one
+        child = left if queue[right].priority > queue[left].priority else right
         queue[at] = queue[child]
         at = child
-    if rest % 2 == 0 and rest > 0 and child == (rest - 2) // 2:
-        child = 2 * child + 1
-        queue[at] = queue[child]
-        at = child
+        left = at + at + one
+    if left + one == rest:
+        queue[at] = queue[left]
+        at = left
     _push(queue, at, priority, cost, node)
 
 
@@ -70,30 +83,31 @@ def shortest_route(nodes, ends, weights, queue, search, start, goal, scale, max_
     longer `queue`.
     """
     goal_x, goal_y = nodes[goal].x, nodes[goal].y
+    room = np.uint64(len(queue))
     largest = np.finfo(np.float32).max
     nodes[start].route_cost = np.float32(0.0)
     nodes[start].by_edge = -1
     nodes[start].in_search = search
-    _push(queue, 0, 0.0, np.float32(0.0), start)
-    size, iterations = 1, 0
+    _push(queue, np.uint64(0), 0.0, np.float32(0.0), start)
+    size, iterations = np.uint64(1), 0
     while size > 0 and iterations < max_iterations:
         iterations += 1
         cost, taken = queue[0].route_cost, queue[0].node
         _pop(queue, size)
-        size -= 1
-        node = nodes[taken]
+        size -= np.uint64(1)
+        node = nodes[np.uint64(taken)]
         if cost != node.route_cost:
             continue
         if taken == goal:
             return FOUND, -1, iterations
-        for edge in range(node.first, node.end):
+        for edge in range(np.uint64(node.first), np.uint64(node.end)):
             weight = weights[edge]
             if np.isnan(weight):
-                return NEEDS_POSES, edge, iterations
+                return NEEDS_POSES, np.int64(edge), iterations
             if weight < 0.0:
-                return NO_COST, edge, iterations
+                return NO_COST, np.int64(edge), iterations
             total = cost + weight
-            to = nodes[ends[edge]]
+            to = nodes[np.uint64(ends[edge])]
             known = to.route_cost if to.in_search == search else largest
             if total < known:
                 to.route_cost = total
@@ -103,10 +117,10 @@ def shortest_route(nodes, ends, weights, queue, search, start, goal, scale, max_
                 if scale > 0.0:
                     dx, dy = to.x - goal_x, to.y - goal_y
                     priority += scale * math.sqrt(dx * dx + dy * dy)
-                if size == len(queue):
+                if size == room:
                     return QUEUE_FULL, -1, iterations
                 _push(queue, size, priority, total, ends[edge])
-                size += 1
+                size += np.uint64(1)
     return (TOO_MANY if iterations == max_iterations else NO_ROUTE), -1, iterations
 
 
