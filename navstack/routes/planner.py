@@ -182,7 +182,7 @@ class RoutePlanner:
                 self._queue = np.zeros(2 * len(self._queue), QUEUED)
         if result != FOUND:
             self._restore(changed)
-            raise self._failure(result, edge, request, ids)
+            raise self._failure(result, int(edge), request, ids)
         edges = self._edges_to(request.goal)
         costs = tuple(weights[edges].tolist())
         cost = float(self._nodes[request.goal]["route_cost"])

@@ -21,11 +21,10 @@ from reference import data_folder
 
 from navstack.bringup import costmap_on_map
 from navstack.core import Pose2D
-from navstack.coverage import CoverageDrive, make_area, plan_coverage, roomy_start
+from navstack.coverage import CoverageDrive, make_area, plan_coverage, read_cover_step, roomy_start
 from navstack.map_io import load_map, map_names, map_path
 from navstack.parameters import load_configuration
 from navstack.scenario import Run, Scenario, load_places
-from navstack.scenario.steps import read_step
 
 MAPS = {
     "office": "",
@@ -44,9 +43,10 @@ def measured(name: str, options: argparse.Namespace) -> str:
     packaged = name in map_names() and not MAPS.get(name)
     grid = load_map(map_path(name) if packaged else data_folder("data") / "maps" / MAPS[name])
     configuration = load_configuration([options.params])
-    middle = Pose2D(*(0.5 * (a + b) for a, b in zip(grid.geometry.extent[::2], grid.geometry.extent[1::2])), 0.0)
+    left, right, bottom, top = grid.geometry.extent
+    middle = Pose2D(0.5 * (left + right), 0.5 * (bottom + top), 0.0)
     costmap = costmap_on_map(configuration, grid, middle)
-    step = read_step({"cover": "all", "operation_width": options.tool_width, "clearance": options.clearance})
+    step = read_cover_step({"cover": "all", "operation_width": options.tool_width, "clearance": options.clearance})
     start = load_places(name).start_pose if packaged else None
     if start is None:
         start = roomy_start(costmap.master, costmap.footprint, clearance=options.clearance)
