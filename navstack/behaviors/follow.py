@@ -243,7 +243,7 @@ class FollowTrajectory(Motion):
         found = self.error_summary()
         return (
             f"{self.name} followed {self._given.name or 'the trajectory'} for {t:.1f} of {self._given.duration:.1f} s, mean "
-            f"error {found['error_mean_m']:.3f} m, largest {found['error_max_m']:.3f} m"
+            f"error {100.0 * found['error_mean_m']:.2f} cm, largest {100.0 * found['error_max_m']:.2f} cm"
         )
 
     def _align(self, pose: Pose2D, state: RobotState) -> BehaviorStep | None:

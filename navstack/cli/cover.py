@@ -29,6 +29,7 @@ from navstack.core import InputError, Pose2D, ensure_directory, write_json
 from navstack.coverage import (
     CoverageDrive,
     CoveragePlan,
+    least_clearance,
     left_in,
     plan_coverage,
     read_cover_step,
@@ -39,6 +40,7 @@ from navstack.map_io import map_names
 from navstack.parameters import load_configuration
 from navstack.plot import plot_coverage
 from navstack.scenario import Run, Scenario, load_places
+from navstack.sim import energy_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -125,7 +127,7 @@ def cover(
     if drive:  # a base that cannot drive this is reported before anything is written
         step.motion(configuration.navstack.motion, turning_radius=configuration.navstack.sim.turning_radius)
     with loading_kernels(["coverage"], quiet=json_):
-        start, plan = _planned(chosen, configuration, grid, step)
+        start, plan = _planned(chosen, configuration, grid, step, drive=drive)
     folder = ensure_directory(out)
     document: dict[str, Any] = {
         "map": path.name,
@@ -159,11 +161,20 @@ def cover(
 
 
 def _planned(
-    chosen: CoverOptions, configuration: Configuration, grid: OccupancyGrid, step: CoverStep
+    chosen: CoverOptions, configuration: Configuration, grid: OccupancyGrid, step: CoverStep, *, drive: bool
 ) -> tuple[Pose2D, CoveragePlan]:
     """Return the start and the plan on the costmap of a robot that knows only the map."""
     start = _start(chosen)
     costmap = costmap_on_map(configuration, grid, start or _middle(grid))
+    resolution = costmap.master.geometry.resolution
+    least = least_clearance(resolution)
+    if step.clearance < least:
+        print_note(
+            f"a drive keeps {least:g} m from obstacles, not --clearance {step.clearance:g}: it holds positions to "
+            f"{least - resolution:.2g} m, and a scan may mark a wall one cell of {resolution:g} m too early"
+        )
+        if drive:
+            step = step.model_copy(update={"clearance": least})
     if start is None:
         start = roomy_start(costmap.master, costmap.footprint, clearance=step.clearance)
         print_note(f"no start is given: begins at ({start.x:.2f}, {start.y:.2f}), in the largest region")
@@ -229,7 +240,10 @@ def _drive(
     points, works = np.ascontiguousarray(track[:, 1:3]), behavior.works_at(track[:, 0])
     report = behavior.report(points, works)
     document["driven"] = {**report["driven"], "plans": report["plans"], "state": outcome.state, "text": outcome.text}
+    document["clearance"] = report["clearance"]
     document["driven"]["collisions"] = len(run.robot.collisions)
+    battery, figures = configuration.navstack.sim.battery, report["driven"]
+    figures["energy_wh"] = document["driven"]["energy_wh"] = energy_of(battery, figures["time_s"], figures["length_m"])
     document["left_driven"] = report["left"]
     names["driven"] = str(folder / "driven.png")
     assert behavior.plan is not None
@@ -279,7 +293,7 @@ def _subtitle(figures: dict[str, Any]) -> str:
         f"{figures['share']:.1%} of {figures['reachable_m2']:.1f} m² in reach, overlap {figures['overlap']:.1%}, "
         f"{figures['work_m']:.0f} m at work, {figures['travel_m']:.0f} m with the tool off, {figures['turns']} turns"
     )
-    return f"{text}, {figures['time_s']:.0f} s" if "time_s" in figures else text
+    return f"{text}, {figures['time_s']:.0f} s, {figures['energy_wh']:.1f} Wh" if "time_s" in figures else text
 
 
 def _texts(figures: dict[str, Any], planning_time_s: float) -> dict[str, str]:
@@ -292,6 +306,7 @@ def _texts(figures: dict[str, Any], planning_time_s: float) -> dict[str, str]:
         "length with the tool off": f"{figures['travel_m']:.1f} m",
         "turns": str(figures["turns"]),
         "time": f"{figures['time_s']:.0f} s" if "time_s" in figures else f"planned in {planning_time_s:.2f} s",
+        "energy": f"{figures['energy_wh']:.1f} Wh" if "time_s" in figures else "",
     }
 
 

@@ -153,21 +153,40 @@ def _end(text: str, argument: str, map_: str | None) -> Pose2D | int:
 
 
 def _server_values(file: Path) -> dict[str, Any]:
-    """Return the parameters of the route server of a YAML file: those below route_server/ros__parameters, or all."""
+    """Return the parameters of the route server of a YAML file.
+
+    Those of its node, in any namespace, over those of `/**`; the whole file if it names no node.
+    """
     read = read_yaml(file, any_key=True)
     errors = [finding for finding in read.findings if finding.severity == "error"]
     if errors:
         raise InputError(f"{errors[0].location}: {errors[0].message}")
     values: Any = plain_values(read.root)
-    if isinstance(values, dict) and "route_server" not in values:
-        nodes = [str(name) for name, inner in values.items() if isinstance(inner, dict) and "ros__parameters" in inner]
-        if nodes:
-            raise InputError(f"{file} has no section route_server (it has {', '.join(nodes[:8])}); add one")
-    for key in ("route_server", "ros__parameters"):
-        values = values.get(key, values)
-        if not isinstance(values, dict):
-            raise InputError(f"{file}: {key} is no mapping; write the parameters of route_server below ros__parameters")
-    return values
+    if not isinstance(values, dict):
+        raise InputError(f"{file} is no mapping; write the parameters of route_server below ros__parameters")
+    nodes = _nodes_in(values)
+    if not nodes:
+        values = values.get("route_server", values)
+        nodes = [("route_server", values)]
+    found = [inner for names in ({"**", "*"}, {"route_server"}) for name, inner in nodes if name in names]
+    if not found:
+        names = ", ".join(dict.fromkeys(name for name, _ in nodes[:8]))
+        raise InputError(f"{file} has no section route_server (it has {names}); add one")
+    for inner in found:
+        if not isinstance(inner, dict):
+            raise InputError(f"{file}: ros__parameters is no mapping; write the parameters of route_server below it")
+    return {key: value for inner in found for key, value in inner.items()}
+
+
+def _nodes_in(values: dict[Any, Any]) -> list[tuple[str, Any]]:
+    """Return (name without namespace, parameters) of each node of a file of ROS parameters."""
+    found: list[tuple[str, Any]] = []
+    for name, inner in values.items():
+        if isinstance(inner, dict) and "ros__parameters" in inner:
+            found.append((str(name).rsplit("/", 1)[-1], inner["ros__parameters"]))
+        elif isinstance(inner, dict):
+            found += _nodes_in(inner)
+    return found
 
 
 @app.command("check")

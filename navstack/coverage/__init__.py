@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from navstack.coverage.area import make_area as make_area
     from navstack.coverage.area import roomy_start as roomy_start
     from navstack.coverage.drive import CoverageDrive as CoverageDrive
+    from navstack.coverage.drive import least_clearance as least_clearance
     from navstack.coverage.errors import CoverageError as CoverageError
     from navstack.coverage.errors import InvalidCoverageRequestError as InvalidCoverageRequestError
     from navstack.coverage.errors import InvalidModeError as InvalidModeError

@@ -27,8 +27,10 @@ TURN_RATE: Final = 1.2
 """Fastest turn in place (rad/s); the limits of the local planner count as well."""
 WAIT_S: Final = 2.0
 """Time for which an obstacle on the way may move away before the rest is planned anew (s)."""
-MOST_PLANS: Final = 60
-"""Plans of one drive, at most."""
+FRUITLESS_PLANS: Final = 20
+"""Plans in a row by which nothing more is covered, at most."""
+BACK_OFF_M: Final = 0.2
+"""Way back from an obstacle next to which the robot stopped twice (m)."""
 SAME_CELLS: Final = 2.9
 """An obstacle within so many cells of a known one is that one."""
 UNSEEN_M: Final = 0.15
@@ -39,13 +41,23 @@ SHORTEST_LEG_M: Final = 0.03
 """Corners closer together than this are one (m)."""
 
 
+def least_clearance(resolution: float) -> float:
+    """Return the distance from obstacles (m) that a drive keeps at least, on costmaps with cells of `resolution` (m).
+
+    A leg may end beside its end by the tolerance, and a scan with noise marks a wall one cell before its place on the map: closer
+    to it, the robot would stop before cells that the scan has just marked.
+    """
+    return LEG_TOLERANCE_M + resolution
+
+
 class CoverageDrive(Behavior[CoverageParams]):
     """Covers an area: plans with the global costmap, drives the legs, plans the rest anew where an obstacle is in the way.
 
     A leg is straight: the robot turns towards its end and drives there (`DriveToPose`), checked for collisions on both costmaps.
     Before an obstacle it waits for `WAIT_S`; then the obstacle is part of the area, its border included, and what is not covered
-    yet is planned again. The drive succeeds when every leg of the last plan is driven, also if parts had to be left: its figures
-    say which. It fails if nothing could be covered.
+    yet is planned again. Stopped twice in one place, the robot drives back a little, and keeps more distance from then on. The
+    drive succeeds when every leg of the last plan is driven, also if parts had to be left: its figures say which. It fails if
+    nothing could be covered, or `FRUITLESS_PLANS` plans in a row cover no more.
     """
 
     Params = CoverageParams
@@ -72,6 +84,8 @@ class CoverageDrive(Behavior[CoverageParams]):
         """Time (s) and believed position (m) of each step, and whether the tool works from there on."""
         self.plans = 0
         """Number of plans so far."""
+        self.clearance = params.clearance
+        """Distance of the footprint from obstacles in the current plan (m), see `least_clearance`."""
         self._motion = (motion or MotionParams()).model_copy(
             update={"tolerance": LEG_TOLERANCE_M, "tolerance_radian": LEG_TOLERANCE_RAD, "speed_radian": TURN_RATE}
         )
@@ -86,6 +100,12 @@ class CoverageDrive(Behavior[CoverageParams]):
         self._blocked: NDArray[np.bool_] | None = None
         self._known: Costmap | None = None
         self._stops: list[tuple[float, float]] = []
+        self._stopped_at: Pose2D | None = None
+        """Where the robot was when it stopped last."""
+        self._stuck = False
+        """Whether it stopped there before."""
+        self._backs_off = False
+        self._done_cells = self._fruitless = 0
         self._last_failure = ""
 
     # --- a behavior ---------------------------------------------------------------------------------------------------
@@ -110,7 +130,9 @@ class CoverageDrive(Behavior[CoverageParams]):
         self.frame = context.global_costmap.frame
         self.track, self.plans, self.plan, self.current = [], 0, None, None
         self._avoid = self._blocked = self._waiting_since = self._inner = self._known = None
-        self._stops = []
+        self._stops, self._stopped_at, self._stuck, self._backs_off = [], None, False, False
+        self._done_cells = self._fruitless = 0
+        self.clearance = max(self.params.clearance, least_clearance(context.global_costmap.master.geometry.resolution))
 
     def step(self, state: RobotState, now: float) -> BehaviorStep:
         """Return the next command. Raises the errors of `plan_coverage`, and CoverageError if nothing could be covered."""
@@ -124,10 +146,14 @@ class CoverageDrive(Behavior[CoverageParams]):
             if now - self._waiting_since < WAIT_S:
                 return BehaviorStep(BehaviorStatus.RUNNING, Twist2D(), data=self._progress())
             self._waiting_since = None
-            if not self._plan_rest(pose):
+            if self._stuck and not self._backs_off:
+                self._back_off(pose, context, now)
+            elif not self._plan_rest(pose):
                 return self._done(now)
         while True:
             if self._inner is None:
+                if self._backs_off and not self._plan_rest(pose):
+                    return self._done(now)
                 if self._next >= len(self._legs):
                     self._remember(now, pose, works=False)
                     return self._done(now)
@@ -140,7 +166,7 @@ class CoverageDrive(Behavior[CoverageParams]):
                 motion = self._motion.model_copy(update={"speed_linear": self._motion.follow_speed or max(speed, 0.05)})
                 self._inner = DriveToPose(Pose2D(x, y, heading), motion, self.name)
                 self._inner.start(context, now)
-            works = self._legs[self._next][2]
+            works = self._legs[self._next][2] and not self._backs_off
             self._remember(now, pose, works=works)
             try:
                 step = self._inner.step(state, now)
@@ -153,7 +179,7 @@ class CoverageDrive(Behavior[CoverageParams]):
                 notes = step.data.get("notes", ())
                 return BehaviorStep(BehaviorStatus.RUNNING, step.twist, data={**self._progress(), "notes": notes})
             self._inner = None
-            self._next += 1
+            self._next += not self._backs_off
 
     # --- figures ------------------------------------------------------------------------------------------------------
 
@@ -202,6 +228,7 @@ class CoverageDrive(Behavior[CoverageParams]):
             "plan": plan.figures.as_dict(),
             "driven": {**figures_of(plan.area, points, works, visits).as_dict(), "time_s": duration},
             "plans": self.plans,
+            "clearance": self.clearance,
             "left": [part.as_dict() for part in left],
         }
 
@@ -236,7 +263,7 @@ class CoverageDrive(Behavior[CoverageParams]):
             costmap,
             context.global_costmap.footprint,
             pose,
-            self.params,
+            self.params.model_copy(update={"clearance": self.clearance}),
             polygon=self.field,
             avoid=self._avoid,
             done=done,
@@ -262,9 +289,16 @@ class CoverageDrive(Behavior[CoverageParams]):
         """Plan what is not covered; return False if nothing is left that can be."""
         plan = self.plan
         assert plan is not None
-        if self.plans >= MOST_PLANS:
-            return False
+        self._backs_off = False
         done = visits_of(plan.area, *self.driven()) > 0
+        cells = int((done & plan.area.reachable).sum())
+        self._fruitless = 0 if cells > self._done_cells else self._fruitless + 1
+        self._done_cells = cells
+        if self._fruitless >= FRUITLESS_PLANS:
+            raise CoverageError(
+                f"{self._fruitless} plans in a row covered no more; the last stop: {self._last_failure}",
+                **self.report(),
+            )
         try:
             self._plan(pose, done)
         except NavError as error:
@@ -313,6 +347,8 @@ class CoverageDrive(Behavior[CoverageParams]):
 
     def _stopped(self, error: NavError, pose: Pose2D, now: float) -> BehaviorStep:
         """Wait before the obstacle. Where the footprint hit one twice, positions are no longer driven to."""
+        self._stuck = self._stopped_at is not None and pose.distance_to(self._stopped_at) < AGAIN_M
+        self._stopped_at = pose
         self._inner, self._waiting_since, self._last_failure = None, now, error.message
         assert self._known is not None
         g = self._known.geometry
@@ -327,6 +363,16 @@ class CoverageDrive(Behavior[CoverageParams]):
             ix, iy = cell
             self._avoid[max(0, iy - 1) : iy + 2, max(0, ix - 1) : ix + 2] = True
         return BehaviorStep(BehaviorStatus.RUNNING, Twist2D(), data=self._progress())
+
+    def _back_off(self, pose: Pose2D, context: BehaviorContext, now: float) -> None:
+        """Drive back a little, and keep half a cell more from obstacles, up to one cell more than at first."""
+        resolution = context.global_costmap.master.geometry.resolution
+        most = max(self.params.clearance, least_clearance(resolution)) + resolution
+        self.clearance = min(self.clearance + 0.5 * resolution, most)
+        behind = Transform2D(*pose).apply(Pose2D(-BACK_OFF_M, 0.0, 0.0))
+        self._inner = DriveToPose(behind, self._motion, self.name, backwards=True)
+        self._inner.start(context, now)
+        self._backs_off = True
 
     # --- results ------------------------------------------------------------------------------------------------------
 
@@ -350,4 +396,6 @@ class CoverageDrive(Behavior[CoverageParams]):
             f"{report['plan']['share']:.1%}), overlap {driven['overlap']:.1%}, {driven['length_m']:.1f} m in "
             f"{driven['time_s']:.0f} s, {self.plans} plan{'s' * (self.plans != 1)}, {left:.1f} m² left"
         )
+        if self.clearance > self.params.clearance:
+            text += f", {self.clearance:.3g} m from obstacles instead of {self.params.clearance:g}"
         return BehaviorStep(BehaviorStatus.DONE, text=text, data={**self._progress(), **report})

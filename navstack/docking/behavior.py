@@ -45,6 +45,8 @@ from navstack.plugins import BehaviorContext, BehaviorStatus, BehaviorStep, Dock
 
 BEYOND_M: Final = 0.25
 """The controller's target lies this far behind the dock: close to a target the law's angles are ill-conditioned."""
+SHORT_M: Final = 0.002
+"""A robot without a charging current drives on if it is farther than this before the dock (m)."""
 
 
 class DockingState(IntEnum):
@@ -363,6 +365,8 @@ class Approach(DockMotion):
         self._enter(DockingState.INITIAL_PERCEPTION, now)
 
     def _enter(self, state: DockingState, now: float) -> None:
+        if self._state is not DockingState.NONE:
+            self._note(now)
         self._state, self._since = state, now
         self.log.enter(state, now, self._pose.distance_to(self._known))
 
@@ -417,7 +421,6 @@ class Approach(DockMotion):
         if docked or (dock_type.is_charger and dock_type.is_charging(self.sensing.battery, docked=docked)):
             if not dock_type.is_charger:
                 return BehaviorStep(BehaviorStatus.DONE, text=self.summary(), data=self.data())
-            self._note(now)
             self._enter(DockingState.WAIT_FOR_CHARGE, now)
             return self.running(Twist2D(), "docked")
         if seen is None and not self._turning:
@@ -432,13 +435,20 @@ class Approach(DockMotion):
                 f"{pose.distance_to(self._known):.2f} m are left",
                 distance_m=pose.distance_to(self._known),
             )
+        note = f"{pose.distance_to(self._known):.2f} m before the dock; {dock_type.seen()}"
+        return self.running(self._into_dock(pose, state), note)
+
+    def _into_dock(self, pose: Pose2D, state: RobotState) -> Twist2D:
+        """Return the command towards the dock. Raises FailedToControlError for an obstacle on the way."""
         at = Transform2D(*self._known).apply(Pose2D(BEYOND_M, 0.0, 0.0))
         target, left = at._replace(yaw=self.docked_yaw), pose.distance_to(self._known)
-        twist = self.drive_towards(pose, target, state, backward=dock_type.drives_backward, left=left)
-        return self.running(twist, f"{pose.distance_to(self._known):.2f} m before the dock; {dock_type.seen()}")
+        return self.drive_towards(pose, target, state, backward=self.dock_type.drives_backward, left=left)
 
     def _wait_for_charge(self, pose: Pose2D, state: RobotState, now: float) -> BehaviorStep:
-        del pose, state
+        """Wait for the current; after half the time drive on if the robot is short of the dock, which is known better by then.
+
+        ROS differs: in Nav2 it stands.
+        """
         battery, limit = self.sensing.battery, self.params.wait_charge_timeout
         if self.dock_type.is_charging(battery, docked=True):
             return BehaviorStep(BehaviorStatus.DONE, text=self.summary(), data=self.data())
@@ -448,6 +458,10 @@ class Approach(DockMotion):
                 f"the battery is not charged within wait_charge_timeout ({limit:g} s): {flows}",
                 current_a=None if battery is None else battery.current,
             )
+        self._refined(now)
+        short = -Transform2D(*self._known).inverse().apply(pose).x
+        if short > SHORT_M and now - self._since > 0.5 * limit:
+            return self.running(self._into_dock(pose, state), f"no current; {short:.3f} m before the dock")
         return self.running(Twist2D(), "docked, waiting for the charging current")
 
     def _retry(self, pose: Pose2D, state: RobotState, now: float) -> BehaviorStep:
@@ -455,7 +469,6 @@ class Approach(DockMotion):
         assert staging is not None
         twist = self.back_to(staging, pose, state)
         if twist is None:
-            self._note(now)
             self._perceive(now)
             return self.running(Twist2D(), "back at the staging pose")
         if now - self._since > self.params.dock_approach_timeout:

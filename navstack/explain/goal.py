@@ -855,7 +855,10 @@ def _expired_limit(record: Record, last: Event) -> float | None:
 def _report(record: Record, number: int, goal_id: str) -> GoalReport:
     statuses = [e for e in record.events_of("status") if e.data.get("id") == goal_id]
     accepted = next((e.time for e in statuses if e.data["status"] == "ACTIVE"), None)
-    last = statuses[-1]
+    sent, last = statuses[0].time, statuses[-1]
+    docking = dockings_of(record).lines.get(goal_id, [])
+    if docking and "state" in docking[0].data and accepted is not None:
+        sent = accepted = docking[0].begin  # the way to the staging pose is a part of it, under another id
     ended = last.time if last.data["status"] in TERMINAL else last_time(record)
     events = events_of(record, goal_id)
     pose = goal_pose(record, events, number)
@@ -865,7 +868,7 @@ def _report(record: Record, number: int, goal_id: str) -> GoalReport:
         number=number,
         id=goal_id,
         pose=pose,
-        sent=statuses[0].time,
+        sent=sent,
         accepted=accepted,
         ended=ended,
         status=str(last.data["status"]),

@@ -69,7 +69,17 @@ def plot_docking(
         for visit, part in zip(visits, rows):
             state = str(visit["state"])
             color = STATE_COLORS.get(state, colors.INK)
-            line = drawing.draw_line(picture.axes, record.poses[part], color, width=2.4, casing=True, zorder=5)
+            back = state == "RETRY"  # a wide line below that of the next attempt, which covers the same way
+            width, zorder = (11.0, 4) if back else (2.4, 5)
+            line = drawing.draw_line(
+                picture.axes,
+                record.poses[part],
+                color,
+                width=width,
+                casing=not back,
+                zorder=zorder,
+                alpha=0.7 if back else 1.0,
+            )
             if state not in used:
                 entries.append((line, state))
                 used.add(state)

@@ -34,11 +34,12 @@ from navstack.routes.search import (
     NO_COST,
     NO_COST_WEIGHT,
     NO_ROUTE,
+    NODE,
     QUEUE_FULL,
     QUEUED,
-    REACHED,
     TOO_MANY,
     costs_along,
+    edges_to,
     nearest_by_cells,
     shortest_route,
 )
@@ -76,11 +77,15 @@ class RoutePlanner:
         self._costmap = costmap
         self._parts: list[tuple[int, Costs]] = []
         """Version and costs of each scorer."""
+        self._depends_on_ends = any(type(scorer).at_ends is not EdgeScorer.at_ends for scorer in self.scorers)
         self._weights: Costs | None = None
         self._scale = 0.0
         """Lower bound of cost per meter."""
-        self._reached = np.zeros(len(graph), REACHED)
+        self._nodes = np.zeros(len(graph), NODE)
+        self._nodes["x"], self._nodes["y"] = graph.xy[:, 0], graph.xy[:, 1]
+        self._nodes["first"], self._nodes["end"] = graph.first[:-1], graph.first[1:]
         self._queue = np.zeros(_FIRST_QUEUE, QUEUED)
+        self._found_edges = np.zeros(_FIRST_QUEUE, np.int64)
         self._search = 0
 
     @property
@@ -163,11 +168,9 @@ class RoutePlanner:
         while result == QUEUE_FULL:
             self._search += 1
             result, edge, iterations = shortest_route(
-                graph.first,
+                self._nodes,
                 graph.ends,
                 weights,
-                graph.xy,
-                self._reached,
                 self._queue,
                 self._search,
                 request.start,
@@ -179,18 +182,20 @@ class RoutePlanner:
                 self._queue = np.zeros(2 * len(self._queue), QUEUED)
         if result != FOUND:
             self._restore(changed)
-            raise self._failure(result, edge, request, ids)
-        edges: list[int] = []
-        node = request.goal
-        while node != request.start:
-            edge = int(self._reached[node]["by_edge"])
-            edges.append(edge)
-            node = int(graph.starts[edge])
-        edges.reverse()
+            raise self._failure(result, int(edge), request, ids)
+        edges = self._edges_to(request.goal)
         costs = tuple(weights[edges].tolist())
-        cost = float(self._reached[request.goal]["route_cost"])
+        cost = float(self._nodes[request.goal]["route_cost"])
         self._restore(changed)
-        return Route(graph, request.start, tuple(edges), costs, cost), iterations
+        return Route(graph, request.start, tuple(edges.tolist()), costs, cost), iterations
+
+    def _edges_to(self, goal: int) -> NDArray[np.int64]:
+        """Return the edges by which the search reached `goal`, in the order of driving."""
+        count = edges_to(self._nodes, self.graph.starts, goal, self._found_edges)
+        if count > len(self._found_edges):
+            self._found_edges = np.zeros(2 * count, np.int64)
+            edges_to(self._nodes, self.graph.starts, goal, self._found_edges)
+        return self._found_edges[:count][::-1]
 
     # --- costs of edges -----------------------------------------------------------------------------------------------
 
@@ -228,6 +233,8 @@ class RoutePlanner:
     def _weights_for(self, request: RouteRequest) -> tuple[Costs, tuple[NDArray[np.intp], Costs] | None]:
         """Return the costs for a request, and what to restore after the search."""
         weights, graph = self.weights(), self.graph
+        if not self._depends_on_ends:
+            return weights, None
         edges = np.unique(
             np.append(np.arange(graph.first[request.start], graph.first[request.start + 1]), self._into(request.goal))
         )
@@ -254,9 +261,7 @@ class RoutePlanner:
             self._weights[changed[0]] = changed[1]
 
     def _into(self, node: int) -> NDArray[np.intp]:
-        """Return the edges that end at a node, if a scorer asks for them."""
-        if all(type(scorer).at_ends is EdgeScorer.at_ends for scorer in self.scorers):
-            return np.zeros(0, np.intp)
+        """Return the edges that end at a node."""
         order, first = self._incoming
         return order[first[node] : first[node + 1]]
 
@@ -302,7 +307,7 @@ class RoutePlanner:
             why.append(f"{len(blocked)} blocked: {_listed(sorted(blocked))}")
         if closed:
             why.append(f"{len(closed)} edges closed: {_listed(closed)}")
-        found = self._reached["in_search"] == self._search
+        found = self._nodes["in_search"] == self._search
         text = f"; {'; '.join(why)}" if why else "; `navstack route check` finds nodes that edges do not reach"
         return NoValidRouteError(
             f"the graph has no way from node {a} to node {b} ({int(found.sum())} of {len(graph)} nodes can be reached){text}",

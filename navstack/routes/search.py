@@ -9,8 +9,19 @@ import numpy as np
 
 from navstack.core import kernel, line_next, line_start
 
-REACHED = np.dtype([("route_cost", "f4"), ("by_edge", "i4"), ("in_search", "i8")])
-"""Of a node: cost from the start, the edge by which it was reached (-1: the start), and the number of the search that wrote both.
+NODE = np.dtype(
+    [
+        ("route_cost", "f4"),
+        ("by_edge", "i4"),
+        ("in_search", "i8"),
+        ("x", "f4"),
+        ("y", "f4"),
+        ("first", "i4"),
+        ("end", "i4"),
+    ]
+)
+"""Of a node: cost from the start, the edge by which it was reached (-1: the start), the number of the search that wrote both;
+position (m), and its edges `first` to `end`.
 
 One record lies in one line of the cache, and no search has to clear those of the one before."""
 
@@ -24,9 +35,13 @@ QUEUED = np.dtype([("priority", "f8"), ("route_cost", "f4"), ("node", "i4")])
 
 @kernel
 def _push(queue, at, priority, cost, node):
-    """Move an entry up from the hole `at` to its place; entries that are equal stay above it."""
+    """Move an entry up from the hole `at` (uint64) to its place; entries that are equal stay above it.
+
+    Indices are unsigned: signed ones are checked for Python's negative indices at every access.
+    """
+    one = np.uint64(1)
     while at > 0:
-        parent = (at - 1) // 2
+        parent = (at - one) >> one
         if not queue[parent].priority > priority:
             break
         queue[at] = queue[parent]
@@ -38,72 +53,87 @@ def _push(queue, at, priority, cost, node):
 
 @kernel
 def _pop(queue, size):
-    """Remove the first of `size` entries: the hole goes down to the bottom, the last entry up from there.
+    """Remove the first of `size` (uint64) entries: the hole goes down to the bottom, the last entry up from there.
 
     That is the order of the C++ standard library's heap, in which entries of equal cost, and so routes of equal cost, come.
     """
-    rest = size - 1
+    one = np.uint64(1)
+    rest = size - one
     priority, cost, node = queue[rest].priority, queue[rest].route_cost, queue[rest].node
-    at = child = 0
-    while child < (rest - 1) // 2:
-        child = 2 * (child + 1)
-        if queue[child].priority > queue[child - 1].priority:
-            child -= 1
+    at = np.uint64(0)
+    left = one
+    while left + one < rest:
+        right = left + one
+        child = left if queue[right].priority > queue[left].priority else right
         queue[at] = queue[child]
         at = child
-    if rest % 2 == 0 and rest > 0 and child == (rest - 2) // 2:
-        child = 2 * child + 1
-        queue[at] = queue[child]
-        at = child
+        left = at + at + one
+    if left + one == rest:
+        queue[at] = queue[left]
+        at = left
     _push(queue, at, priority, cost, node)
 
 
 @kernel
-def shortest_route(first, ends, weights, xy, reached, queue, search, start, goal, scale, max_iterations):
+def shortest_route(nodes, ends, weights, queue, search, start, goal, scale, max_iterations):
     """Search from node `start` to `goal`; return (result, edge, nodes taken from the queue).
 
     `weights` (m,) float32 are the costs of the edges, sums are float32 as in Nav2. `scale` is a lower bound of cost per meter:
-    with 0 it is Dijkstra's algorithm, with more A*. `reached` (n,) is marked with the number `search`; QUEUE_FULL asks for a
+    with 0 it is Dijkstra's algorithm, with more A*. `nodes` (n,) are marked with the number `search`; QUEUE_FULL asks for a
     longer `queue`.
     """
-    goal_x, goal_y = float(xy[goal, 0]), float(xy[goal, 1])
+    goal_x, goal_y = nodes[goal].x, nodes[goal].y
+    room = np.uint64(len(queue))
     largest = np.finfo(np.float32).max
-    reached[start].route_cost = np.float32(0.0)
-    reached[start].by_edge = -1
-    reached[start].in_search = search
-    _push(queue, 0, 0.0, np.float32(0.0), start)
-    size, iterations = 1, 0
+    nodes[start].route_cost = np.float32(0.0)
+    nodes[start].by_edge = -1
+    nodes[start].in_search = search
+    _push(queue, np.uint64(0), 0.0, np.float32(0.0), start)
+    size, iterations = np.uint64(1), 0
     while size > 0 and iterations < max_iterations:
         iterations += 1
-        cost, node = queue[0].route_cost, queue[0].node
+        cost, taken = queue[0].route_cost, queue[0].node
         _pop(queue, size)
-        size -= 1
-        if cost != reached[node].route_cost:
+        size -= np.uint64(1)
+        node = nodes[np.uint64(taken)]
+        if cost != node.route_cost:
             continue
-        if node == goal:
+        if taken == goal:
             return FOUND, -1, iterations
-        for edge in range(first[node], first[node + 1]):
+        for edge in range(np.uint64(node.first), np.uint64(node.end)):
             weight = weights[edge]
             if np.isnan(weight):
-                return NEEDS_POSES, edge, iterations
+                return NEEDS_POSES, np.int64(edge), iterations
             if weight < 0.0:
-                return NO_COST, edge, iterations
+                return NO_COST, np.int64(edge), iterations
             total = cost + weight
-            to = ends[edge]
-            known = reached[to].route_cost if reached[to].in_search == search else largest
+            to = nodes[np.uint64(ends[edge])]
+            known = to.route_cost if to.in_search == search else largest
             if total < known:
-                reached[to].route_cost = total
-                reached[to].by_edge = edge
-                reached[to].in_search = search
+                to.route_cost = total
+                to.by_edge = edge
+                to.in_search = search
                 priority = float(total)
                 if scale > 0.0:
-                    dx, dy = xy[to, 0] - goal_x, xy[to, 1] - goal_y
+                    dx, dy = to.x - goal_x, to.y - goal_y
                     priority += scale * math.sqrt(dx * dx + dy * dy)
-                if size == len(queue):
+                if size == room:
                     return QUEUE_FULL, -1, iterations
-                _push(queue, size, priority, total, to)
-                size += 1
+                _push(queue, size, priority, total, ends[edge])
+                size += np.uint64(1)
     return (TOO_MANY if iterations == max_iterations else NO_ROUTE), -1, iterations
+
+
+@kernel
+def edges_to(nodes, starts, goal, edges):
+    """Write the edges by which a search reached `goal`, the last one first, while `edges` has room; return how many there are."""
+    count, edge = 0, nodes[goal].by_edge
+    while edge >= 0:
+        if count < len(edges):
+            edges[count] = edge
+        count += 1
+        edge = nodes[starts[edge]].by_edge
+    return count
 
 
 @kernel

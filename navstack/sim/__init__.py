@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from navstack.sim.docks import Docks as Docks
     from navstack.sim.docks import contact_error as contact_error
     from navstack.sim.docks import dock_shapes as dock_shapes
+    from navstack.sim.docks import energy_of as energy_of
     from navstack.sim.estimation import Estimation as Estimation
     from navstack.sim.lidar import Lidar as Lidar
     from navstack.sim.movers import Mover as Mover

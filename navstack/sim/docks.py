@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from navstack.core import BatteryState, DockDetection, FrameTree, Pose2D, Transform2D, angle_between
-from navstack.parameters import SimDockParams, SimParams
+from navstack.parameters import BatteryParams, SimDockParams, SimParams
 from navstack.sim.shapes import Shape
 
 MAX_DETECTIONS: Final = 1000
@@ -41,6 +41,16 @@ def _body(name: str, dock: SimDockParams) -> Shape | None:
     back = x + max(along, 0.0) + dock.depth
     corners = [[x + along, across], [x, 0.0], [x + along, -across], [back, -across], [back, across]]
     return Shape(name=name, polygon=corners, pose=list(dock.pose), height=dock.height)
+
+
+def current_of(battery: BatteryParams, speed: float) -> float:
+    """Return the current (A) that a robot takes at a speed (m/s)."""
+    return battery.idle_current + battery.drive_current * speed
+
+
+def energy_of(battery: BatteryParams, time_s: float, length_m: float) -> float:
+    """Return the energy (Wh) that a robot takes for a way of `length_m` in `time_s`."""
+    return battery.voltage * current_of(battery, length_m / time_s) * time_s / 3600.0 if time_s > 0.0 else 0.0
 
 
 class Docks:
@@ -119,7 +129,7 @@ class Docks:
         battery, elapsed = self.params.battery, now - self._time
         way = distance - self._distance
         speed = way / elapsed if elapsed > 0.0 else 0.0
-        self._current = -battery.idle_current - battery.drive_current * speed
+        self._current = -current_of(battery, speed)
         dock = self._docks.get(self.at_contacts or "")
         if dock is not None and dock.powered and now - self._contact_since >= dock.charging_delay - 1e-9:
             self._current += dock.charging_current if self._charge < 1.0 or battery.capacity is None else -self._current

@@ -43,6 +43,9 @@ def test_a_polygon_is_driven_and_explained(tmp_path: Path, room: Path, capfd: py
     assert document["driven"]["state"] == "SUCCEEDED"
     assert document["driven"]["collisions"] == 0
     assert document["driven"]["share"] >= document["plan"]["share"] - 0.01
+    figures = document["driven"]  # of the battery of the simulator: 14.8 V, 1 A at rest, 2 A more at 1 m/s
+    assert figures["energy_wh"] == pytest.approx(14.8 * (figures["time_s"] + 2.0 * figures["length_m"]) / 3600.0)
+    assert f"{figures['energy_wh']:.1f} Wh" in shown
     assert run(["explain", "coverage", str(out)]) == 0
     assert "uncovered: a pass would repeat more than it covers" in capfd.readouterr().out
     assert run(["explain", "coverage", str(out), "--at", "11.5,3"]) == 0

@@ -86,6 +86,20 @@ def test_wrong_input(graph_file: Path, arguments: list[str], message: str, capsy
     assert "Traceback" not in error
 
 
+@pytest.mark.parametrize("name", ["/robot1/route_server", "/**/route_server", "robot1:\n  route_server"])
+def test_route_params_of_a_namespace(
+    graph_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    server = tmp_path / "nav2.yaml"
+    server.write_text(
+        f"/**:\n  ros__parameters:\n    edge_cost_functions: [T]\n    T: {{plugin: 'nav2_route::TimeScorer', max_vel: 0.5}}\n"
+        f"{name}:\n    ros__parameters:\n      T: {{plugin: 'nav2_route::TimeScorer', max_vel: 0.1}}\n"
+    )
+    command = ["route", "plan", str(graph_file), "--start", "0", "--goal", "3", "--route-params", str(server), "--json"]
+    assert run(command) == 0
+    assert json.loads(capsys.readouterr().out)["route_cost"] == pytest.approx(117.0, abs=1e-2)
+
+
 def test_route_params_without_a_route_server(
     graph_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

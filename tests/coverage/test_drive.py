@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from navstack.bringup import BasicNavigator, TaskResult
 from navstack.core import OccupancyGrid, Pose2D
-from navstack.coverage import CoverageDrive
+from navstack.coverage import CoverageDrive, CoverageError, least_clearance
 from navstack.explain import explain_coverage
 from navstack.parameters import load_configuration
 from navstack.scenario import RunResult, Scenario, load_places, load_scenario, run_scenario, step_text, write_scenario
@@ -84,6 +85,25 @@ def test_an_obstacle_on_a_swath_is_driven_around_and_its_place_is_left() -> None
     assert report["driven"]["covered_m2"] >= 0.9 * reachable
     assert outcome.figures["left"] == report["left"]
     assert "left" in outcome.text
+
+
+@pytest.mark.slow
+def test_a_drive_keeps_the_distance_that_it_can_hold() -> None:
+    run, behavior = driven(scenario_of(clearance=0.0))
+    assert behavior.clearance == pytest.approx(least_clearance(0.05)) == pytest.approx(0.07)
+    assert "0.07 m from obstacles instead of 0" in run.outcomes[0].text
+    report = behavior.report()
+    assert report["plans"] == 1 and not run.robot.collisions
+    assert report["driven"]["share"] >= report["plan"]["share"] - 0.01
+
+
+@pytest.mark.slow
+def test_a_robot_that_cannot_leave_its_place_fails() -> None:
+    around = tuple((1.5 + 0.45 * np.cos(a), 1.25 + 0.45 * np.sin(a), 0.1) for a in np.arange(0.0, 6.2, 0.4).tolist())
+    run, behavior = driven(replace(scenario_of(around), start=Pose2D(1.5, 1.25, 0.0)))
+    outcome = run.outcomes[0]
+    assert (outcome.state, outcome.error_code) == ("ABORTED", CoverageError.code), outcome.message
+    assert behavior.report()["driven"]["share"] < 0.2
 
 
 @pytest.mark.slow

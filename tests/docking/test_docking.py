@@ -51,6 +51,19 @@ def test_hostile_cases_end_with_their_codes(case: Case) -> None:
     assert outcome.states.count("RETRY") == outcome.retries
 
 
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_detections_with_3_cm_and_3_degrees_of_noise(seed: int) -> None:
+    noisy = {"noise": 0.03, "yaw_noise": 0.052}
+    outcome = run(Case("noisy", sim={"dock_camera": noisy}, start=NEAR), seed)
+    assert outcome.code == 0 and outcome.retries <= 2, outcome.message
+
+
+def test_a_robot_short_of_the_contacts_drives_on_to_them() -> None:
+    # Nav2's threshold is farther than the springs of the contacts reach
+    outcome = run(Case("short", sim=QUIET, dock_type={"docking_threshold": 0.05}, start=NEAR), 0)
+    assert (outcome.code, outcome.retries) == (0, 0), outcome.message
+
+
 def test_states_of_a_docking_in_order() -> None:
     outcome = run(Case("quiet", sim=QUIET), 0)
     assert outcome.states == ("NAV_TO_STAGING_POSE", "INITIAL_PERCEPTION", "CONTROLLING", "WAIT_FOR_CHARGE")
@@ -205,6 +218,8 @@ def test_steps_of_a_scenario_dock_and_undock(tmp_path: Path) -> None:
     assert len(reports) == 3
     texts = [line.text for line in reports[0].timeline if line.kind == "docking"]
     assert [text.partition(",")[0] for text in texts] == ["INITIAL_PERCEPTION", "CONTROLLING", "WAIT_FOR_CHARGE"]
+    assert "detections, the last at" in texts[0]
+    assert reports[0].duration == pytest.approx(result.goals[0].time_s, abs=0.05)
     again = write_scenario(wanted, tmp_path / "again.yaml")
     assert again.steps == wanted.steps
 

@@ -113,6 +113,31 @@ def ten_moments(moments: Moments, address: str) -> None:
     moments.take(page, "07_queue", "side.goals.waiting.length === 3")
 
 
+def editor(moments: Moments, address: str) -> None:
+    """Takes the picture of the editor of the route graph: a selected edge, and what the check found."""
+    page = moments.page(address)
+    act(page, type="pause", paused=True)
+    page.click("#tool-graph")
+    page.wait_for_function("() => window.navstack.graph.data?.nodes.length === 8")
+    page.click("#graph-check")
+    page.wait_for_timeout(1500)
+    page.click("#graph-select")
+    x, y = page.evaluate(
+        "() => { const n = window.navstack, r = document.getElementById('scene').getBoundingClientRect();"
+        " const [x, y] = n.camera.toScreen(3.2, 7.4); return [x + r.left, y + r.top]; }"
+    )
+    page.mouse.click(x, y)
+    moments.take(page, "11_graph")
+
+
+def lanes(folder: Path) -> Path:
+    """Writes the graph of the tutorial on routes; returns the file."""
+    text = (ROOT / "docs" / "tutorials" / "routes.md").read_text(encoding="utf-8")
+    code = next(part for part in text.split("```python\n")[1:] if "build_graph" in part).split("```")[0]
+    subprocess.run([sys.executable, "-c", code], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    return folder / "lanes.geojson"
+
+
 def animation(page: Any, target: Path) -> None:
     """Writes a short animation: a box is put in the way, and the plan goes around it."""
     pictures: list[Image.Image] = []
@@ -161,13 +186,15 @@ def main() -> int:
             moments.take(page, "09_dark", "side.t > 20")
 
         with_server(["office"], phone_and_dark)
+        graph = ["office", "--graph", str(lanes(arguments.out))]
+        with_server(graph, lambda address: editor(moments, address))
         slow = arguments.out / "slow.yaml"
         slow.write_text("DWAPlannerROS: {max_vel_x: 0.35, max_vel_trans: 0.35}\n", encoding="utf-8")
         versus = ["office", "--versus", "turtlebot", "--versus", str(slow), "--speed", "20"]
         with_server(versus, lambda address: moments.take(moments.page(address), "10_versus", "side.t > 20") and None)
         if arguments.docs:
             images = ROOT / "docs" / "images"
-            for moment, name in (("00_readme", "live"), ("10_versus", "live_versus")):
+            for moment, name in (("00_readme", "live"), ("10_versus", "live_versus"), ("11_graph", "route_editor")):
                 picture = Image.open(arguments.out / f"{moment}.png").convert("RGB")
                 picture.quantize(200).save(images / f"{name}.png", optimize=True)
 

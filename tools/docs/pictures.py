@@ -132,8 +132,7 @@ def main() -> None:
             *("--narrowest", "0.6", "--out", images / "passages_footprint.png"),
         )
         navstack("info", "--states", images / "states.png")
-        noise = ("--seed", "4", "--set", "navstack/sim/dock_camera/yaw_noise=0.0524")
-        navstack("dock", *noise, "--out", folder / "dock")
+        navstack("dock", "--noise", "0.03", "--seed", "3", "--out", folder / "dock")
         shutil.copy(folder / "dock" / "dock.png", images / "docking.png")
         _localization(images, folder)
         # the files of the tutorial on safety

@@ -41,6 +41,9 @@ export function toast(text, severity = 'info') {
 }
 
 export const fixed = (value, digits) => (value === null || value === undefined ? '–' : value.toFixed(digits));
+/** The number of the first goal that waits. */
+export const nextNumber = ({ under_way, ended }) => 1 + Math.max(0, ...[...under_way, ...ended].map((goal) => goal.number));
+
 export const poseText = (pose) => pose.slice(0, 3).map((v) => v.toFixed(2)).join(',');
 
 export async function copy(text) {

@@ -1,6 +1,6 @@
 // The panel: robot, goals, layers, parameters, why.
 import { Chart } from './charts.js';
-import { $, button, copy, el, fixed, poseText, refresh, toast } from './dom.js';
+import { $, button, copy, el, fixed, nextNumber, poseText, refresh, toast } from './dom.js';
 
 const TABS = [['robot', 'Robot'], ['goals', 'Goals'], ['graph', 'Routes'], ['layers', 'Layers'], ['parameters', 'Parameters'], ['why', 'Why'], ['tree', 'Tree']];
 const SIZE = 'navstack-live';
@@ -160,14 +160,14 @@ export class Panel {
 
   updateGoals(goals) {
     if (document.activeElement !== this.loop) this.loop.checked = goals.loop;
-    refresh(this.queue, JSON.stringify([goals.under_way, goals.waiting]), () => {
+    refresh(this.queue, JSON.stringify([goals.under_way, goals.waiting, nextNumber(goals)]), () => {
       const rows = goals.under_way.map((goal) => el('li', {}, el('span', {}, `▶ goal ${goal.number}: ${poseText(goal.pose)}`),
         button('why', 'What happened to this goal', () => this.app.why.goal(goal.number)), button('copy', 'Copy x,y,yaw', () => copy(poseText(goal.pose)))));
       const move = (from, to) => { const list = [...goals.waiting]; list.splice(to, 0, ...list.splice(from, 1)); this.setQueue(list); };
       goals.waiting.forEach((pose, i) => rows.push(el('li', { draggable: true,
         ondragstart: (e) => e.dataTransfer.setData('text/plain', String(i)), ondragover: (e) => e.preventDefault(),
         ondrop: (e) => { e.preventDefault(); move(Number(e.dataTransfer.getData('text/plain')), i); } },
-      el('span', {}, `${i + 1}. ${poseText(pose)}`),
+      el('span', {}, `goal ${nextNumber(goals) + i}: ${poseText(pose)}`),
       button('up', 'Earlier', () => move(i, i - 1), { disabled: i === 0 }), button('down', 'Later', () => move(i, i + 1), { disabled: i === goals.waiting.length - 1 }),
       button('copy', 'Copy x,y,yaw', () => copy(poseText(pose))), button('close', 'Remove', () => this.setQueue(goals.waiting.filter((_, k) => k !== i))))));
       return rows.length ? rows : [el('li', { className: 'empty' }, el('span', {}, 'No goal. Choose the flag and press on the map, drag for the heading; with Shift it joins the queue.'))];

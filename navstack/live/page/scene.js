@@ -1,5 +1,6 @@
 // Draws the map, the layers and the robot of one or two sessions on a canvas.
 import { COSTMAPS, potentialTable, score } from './colors.js';
+import { nextNumber } from './dom.js';
 import { Grid } from './grid.js';
 
 const POTENTIAL = potentialTable();
@@ -249,7 +250,7 @@ export class Scene {
       const first = goals.under_way.at(-1)?.pose ?? side.pose;
       this.context.globalAlpha *= 0.6;
       this.line([first, ...goals.waiting].flatMap((p) => p.slice(0, 2)), color, 1.4, [4, 5]);
-      goals.waiting.forEach((pose, i) => this.arrow(pose, color, String(i + 1), { hollow: true }));
+      goals.waiting.forEach((pose, i) => this.arrow(pose, color, String(nextNumber(goals) + i), { hollow: true }));
       this.context.globalAlpha /= 0.6;
     }
     for (const goal of goals.under_way) this.arrow(goal.pose, color, `goal ${goal.number}`, { size: 17 });
