@@ -1,4 +1,4 @@
-"""Pedestrians in a simulated world, by social forces; the same for the same seed and the same robot motion."""
+"""Pedestrians in a simulated world, by social forces or ORCA; the same for the same seed and the same robot motion."""
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 # numba infers the types of the kernels' arguments
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from navstack.core import kernel
 from navstack.sim.map_cells import free_around
+from navstack.sim.orca import avoiding_velocity, reciprocal_plane
 from navstack.sim.shapes import PedestrianMotion, Shape
 from navstack.sim.solids import Solids, polygon_contains, solids_from_discs
 
@@ -37,6 +38,14 @@ BODY = 0.25
 # beyond these distances (m) the force is below 0.03 m/s²
 WALLS_SEEN = 1.5
 OTHERS_SEEN = 5.0
+# what a distance may be off by rounding, m
+ROUNDING = 1e-9
+# groups: M. Moussaïd et al., "The walking behaviour of pedestrian social groups and its impact on crowd dynamics", PLoS ONE 5
+# (2010), equations 3 to 5; the strengths are those of HuNavSim, m/s² (the first one per m/s and rad)
+GAZE = 3.0
+COHERENCE = 2.0
+REPULSION = 1.0
+FIELD_OF_VIEW = 0.5 * math.pi
 
 PERSON = np.dtype(
     [
@@ -60,6 +69,12 @@ PEDESTRIAN = np.dtype(
         ("first_goal", "i8"),  # index of the first goal
         ("goals", "i8"),  # number of goals
         ("notices_robot", "?"),
+        ("orca", "?"),  # else social forces
+        ("group", "i8"),  # -1 without one
+        ("neighbor_distance", "f8"),  # ORCA: of others that are avoided, m
+        ("max_neighbors", "i8"),
+        ("time_horizon", "f8"),  # s
+        ("time_horizon_obstacles", "f8"),  # s
     ],
     align=True,
 )
@@ -175,27 +190,47 @@ def head_for_goal(people, k, settings, goals, dt):
 
 
 @kernel
-def add_social_forces(before, settings, k, ex, ey, robot, ax, ay):
-    """Adds the forces of the other people, and of the robot if it is noticed, to the acceleration of person `k`."""
-    n = before.shape[0]
+def people_within(xs, ys, x, y, reach, near):
+    """Writes the numbers of the people at (xs, ys) (n,) within `reach` (m) of the point to `near` (n,), ascending; their count.
+
+    Without a branch, that takes less than a nanosecond a person, where the force of a person takes 60: cell lists would save
+    little below a thousand people, and they would lose the order in which the forces are added.
+    """
+    count = np.uint64(0)
+    for j in range(np.uint64(xs.shape[0])):
+        dx, dy = xs[j] - x, ys[j] - y
+        near[count] = j
+        count += np.uint64(dx * dx + dy * dy <= reach * reach)
+    return np.int64(count)
+
+
+@kernel
+def weight_of_force(fx, fy, ex, ey):
+    """Share of a force of someone else that counts: half if it comes from behind, for the walking direction (ex, ey)."""
+    along = ex * fx + ey * fy
+    squared, border = along * along, SIGHT * SIGHT * (fx * fx + fy * fy)
+    behind = (along > 0.0) & (squared > border)
+    if abs(squared - border) <= 1e-12 * border:  # only then can rounding matter
+        behind = -along < SIGHT * math.hypot(fx, fy)
+    return BEHIND if behind else 1.0
+
+
+@kernel
+def add_social_forces(before, settings, k, near, count, ex, ey, robot, ax, ay):
+    """Adds the forces of the people `near[:count]`, and of the robot if it is noticed, to the acceleration of person `k`."""
     x, y, radius = before[k].x, before[k].y, settings[k].radius
-    for j in range(n + 1):
-        if j == k or (j == n and not settings[k].notices_robot):
-            continue
-        if j < n:
-            fx, fy = push_from_other(
-                x - before[j].x,
-                y - before[j].y,
-                before[j].vx,
-                before[j].vy,
-                settings[j].radius + radius - 2.0 * BODY,
-            )
-        else:
-            fx, fy = push_from_other(x - robot[0], y - robot[1], robot[2], robot[3], robot[4] + radius - 2.0 * BODY)
-        # within the field of view the force counts in full
-        if -(ex * fx + ey * fy) < SIGHT * math.hypot(fx, fy):
-            fx, fy = BEHIND * fx, BEHIND * fy
-        ax, ay = ax + fx, ay + fy
+    for i in range(count):
+        j = near[i]
+        if j != k:
+            extra = settings[j].radius + radius - 2.0 * BODY
+            fx, fy = push_from_other(x - before[j].x, y - before[j].y, before[j].vx, before[j].vy, extra)
+            weight = weight_of_force(fx, fy, ex, ey)
+            ax, ay = ax + weight * fx, ay + weight * fy
+    if settings[k].notices_robot:
+        extra = robot[4] + radius - 2.0 * BODY
+        fx, fy = push_from_other(x - robot[0], y - robot[1], robot[2], robot[3], extra)
+        weight = weight_of_force(fx, fy, ex, ey)
+        ax, ay = ax + weight * fx, ay + weight * fy
     return ax, ay
 
 
@@ -227,6 +262,116 @@ def add_obstacle_forces(x, y, squares, grid, solids, ax, ay):
 
 
 @kernel
+def add_group_forces(before, settings, k, ax, ay):
+    """Adds the forces that keep person `k` with its group: to see the others, to stay with them, and not to touch them.
+
+    The head turns until the others' center is at the border of the field of view; turning it slows down in proportion.
+    """
+    x, y, vx, vy = before[k].x, before[k].y, before[k].vx, before[k].vy
+    members, sx, sy = 0, 0.0, 0.0
+    for j in range(before.shape[0]):
+        if j != k and settings[j].group == settings[k].group:
+            members += 1
+            sx, sy = sx + before[j].x, sy + before[j].y
+            away = math.hypot(x - before[j].x, y - before[j].y)
+            if 0.0 < away < settings[j].radius + settings[k].radius:
+                ax, ay = ax + REPULSION * (x - before[j].x) / away, ay + REPULSION * (y - before[j].y) / away
+    if members == 0:
+        return ax, ay
+    cx, cy = sx / members - x, sy / members - y
+    angle = abs(math.atan2(vx * cy - vy * cx, vx * cx + vy * cy))
+    turned = max(angle - FIELD_OF_VIEW, 0.0)
+    ax, ay = ax - GAZE * turned * vx, ay - GAZE * turned * vy
+    # the center of all of the group, and how far from it they walk: half of a meter for each of the others
+    cx, cy = cx * members / (members + 1.0), cy * members / (members + 1.0)
+    away = math.hypot(cx, cy)
+    if away > 0.5 * members:
+        ax, ay = ax + COHERENCE * cx / away, ay + COHERENCE * cy / away
+    return ax, ay
+
+
+@kernel
+def add_wall_planes(x, y, own, squares, grid, solids, planes):
+    """Writes the half-planes of the walls and solids in sight to `planes`: count, smallest distance (m) and its point.
+
+    Towards the nearest point of each, the speed is at most the distance to it divided by the time horizon.
+    """
+    away, wx, wy = nearest_wall(squares, grid, x, y, WALLS_SEEN)
+    nearest, nearest_x, nearest_y = away, wx, wy
+    count = 0
+    discs = solids.discs.shape[0]
+    for j in range(-1, discs + solids.circles.shape[0]):
+        if 0 <= j < discs:
+            cx, cy = x - solids.discs[j, 0], y - solids.discs[j, 1]
+            center = math.hypot(cx, cy)
+            away = center - solids.discs[j, 2]
+            if away >= WALLS_SEEN or center == 0.0:
+                continue
+            wx, wy = x - cx / center * away, y - cy / center * away
+        elif j >= discs:
+            i = j - discs
+            if math.hypot(x - solids.circles[i, 0], y - solids.circles[i, 1]) - solids.circles[i, 2] >= WALLS_SEEN:
+                continue
+            away, wx, wy = nearest_on_polygon(solids.corners[solids.first[i] : solids.first[i + 1]], x, y)
+        if away < nearest:
+            nearest, nearest_x, nearest_y = away, wx, wy
+        if away < WALLS_SEEN and away != 0.0:
+            planes[count, 0], planes[count, 1] = (x - wx) / away, (y - wy) / away
+            planes[count, 2] = (own.radius - away) / own.time_horizon_obstacles
+            count += 1
+    return count, nearest, nearest_x, nearest_y
+
+
+@kernel
+def add_person_planes(before, settings, k, near, number, robot, dt, planes, count):
+    """Writes the half-planes of the nearest of the people `near[:number]`, and of a noticed robot, to `planes`; their count.
+
+    The robot is expected to keep its velocity: the whole change is left to the person. Sorts `near`.
+    """
+    own = settings[k]
+    x, y, vx, vy = before[k].x, before[k].y, before[k].vx, before[k].vy
+    taken = 0
+    for i in range(number):
+        j = near[i]
+        if j == k:
+            continue
+        away2 = (before[j].x - x) ** 2 + (before[j].y - y) ** 2
+        # insertion among the nearest ones so far
+        at = taken
+        while at > 0 and away2 < (before[near[at - 1]].x - x) ** 2 + (before[near[at - 1]].y - y) ** 2:
+            at -= 1
+        if at == own.max_neighbors:
+            continue
+        taken = min(taken + 1, own.max_neighbors)
+        for m in range(taken - 1, at, -1):
+            near[m] = near[m - 1]
+        near[at] = j
+    for i in range(taken):
+        other = before[near[i]]
+        nx, ny, offset = reciprocal_plane(
+            other.x - x,
+            other.y - y,
+            vx,
+            vy,
+            other.vx,
+            other.vy,
+            own.radius + settings[near[i]].radius,
+            own.time_horizon,
+            dt,
+            0.5,
+        )
+        planes[count, 0], planes[count, 1], planes[count, 2] = nx, ny, offset
+        count += 1
+    if own.notices_robot and math.hypot(robot[0] - x, robot[1] - y) < own.neighbor_distance:
+        nx, ny, offset = reciprocal_plane(
+            robot[0] - x, robot[1] - y, vx, vy, robot[2], robot[3], own.radius + robot[4], own.time_horizon, dt, 1.0
+        )
+        planes[count, 0], planes[count, 1], planes[count, 2] = nx, ny, offset
+        count += 1
+    return count
+
+
+@kernel
 def remove_approach(vx, vy, dx, dy):
     """Removes the component of the velocity towards (dx, dy)."""
     size = math.hypot(dx, dy)
@@ -246,17 +391,35 @@ def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt):
     """
     n = people.shape[0]
     before = people.copy()
+    xs, ys, near = before["x"].copy(), before["y"].copy(), np.empty(n + 1, np.int64)
+    largest = settings["radius"].max()
+    rows = 2 + n + solids.discs.shape[0] + solids.circles.shape[0] if settings["orca"].any() else 0
+    planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
     for k in range(n):
         own = settings[k]
         x, y, vx, vy = before[k].x, before[k].y, before[k].vx, before[k].vy
         ex, ey = head_for_goal(people, k, own, goals, dt)
-        ax, ay = (own.speed * ex - vx) / RELAXATION + sway[k, 0], (own.speed * ey - vy) / RELAXATION + sway[k, 1]
-        ax, ay = add_social_forces(before, settings, k, ex, ey, robot, ax, ay)
-        ax, ay, nearest, nearest_x, nearest_y = add_obstacle_forces(x, y, squares, grid, solids, ax, ay)
-        vx, vy = vx + dt * ax, vy + dt * ay
-        speed = math.hypot(vx, vy)
-        if speed > HURRY * own.speed:
-            vx, vy = vx * HURRY * own.speed / speed, vy * HURRY * own.speed / speed
+        if own.orca:
+            px, py = own.speed * ex + dt * sway[k, 0], own.speed * ey + dt * sway[k, 1]
+            if own.group >= 0:
+                ax, ay = add_group_forces(before, settings, k, 0.0, 0.0)
+                px, py = px + RELAXATION * ax, py + RELAXATION * ay
+            walls, nearest, nearest_x, nearest_y = add_wall_planes(x, y, own, squares, grid, solids, planes)
+            number = people_within(xs, ys, x, y, own.neighbor_distance, near)
+            count = add_person_planes(before, settings, k, near, number, robot, dt, planes, walls)
+            vx, vy = avoiding_velocity(planes, count, walls, px, py, own.speed, scratch)
+        else:
+            ax, ay = (own.speed * ex - vx) / RELAXATION + sway[k, 0], (own.speed * ey - vy) / RELAXATION + sway[k, 1]
+            reach = OTHERS_SEEN + largest + own.radius - 2.0 * BODY + ROUNDING
+            number = people_within(xs, ys, x, y, reach, near)
+            ax, ay = add_social_forces(before, settings, k, near, number, ex, ey, robot, ax, ay)
+            if own.group >= 0:
+                ax, ay = add_group_forces(before, settings, k, ax, ay)
+            ax, ay, nearest, nearest_x, nearest_y = add_obstacle_forces(x, y, squares, grid, solids, ax, ay)
+            vx, vy = vx + dt * ax, vy + dt * ay
+            speed = math.hypot(vx, vy)
+            if speed > HURRY * own.speed:
+                vx, vy = vx * HURRY * own.speed / speed, vy * HURRY * own.speed / speed
         nx, ny = x, y
         for attempt in range(2):
             nx, ny = x + dt * vx, y + dt * vy
@@ -307,6 +470,11 @@ class Crowd:
         self._settings["notices_robot"] = [motion.notices_robot for _, motion in people]
         self._settings["goal_radius"] = [motion.goal_radius for _, motion in people]
         self._settings["pause"] = [motion.pause for _, motion in people]
+        self._settings["orca"] = [motion.model == "orca" for _, motion in people]
+        groups = sorted({motion.group for _, motion in people} - {""})
+        self._settings["group"] = [groups.index(motion.group) if motion.group else -1 for _, motion in people]
+        for name in ("neighbor_distance", "max_neighbors", "time_horizon", "time_horizon_obstacles"):
+            self._settings[name] = [getattr(motion, name) for _, motion in people]
         counts = np.array([len(motion.goals) for _, motion in people], np.int64)
         self._settings["goals"] = counts
         self._settings["first_goal"] = np.cumsum(counts) - counts

@@ -114,10 +114,15 @@ class DoorMotion(ParamModel):
         return self
 
 
-class PedestrianMotion(ParamModel):
-    """A pedestrian who walks from goal to goal and avoids walls, other pedestrians and the robot (social force model).
+ORCA_PARAMETERS: Final = ("neighbor_distance", "max_neighbors", "time_horizon", "time_horizon_obstacles")
+"""Parameters of a pedestrian that only ORCA has."""
 
-    Formulas and defaults: D. Helbing, P. Molnár, "Social force model for pedestrian dynamics", Phys. Rev. E 51 (1995).
+
+class PedestrianMotion(ParamModel):
+    """A pedestrian who walks from goal to goal and avoids walls, other pedestrians and the robot.
+
+    Social forces: D. Helbing, P. Molnár, "Social force model for pedestrian dynamics", Phys. Rev. E 51 (1995). ORCA: J. van den
+    Berg et al., "Reciprocal n-body collision avoidance", ISRR 2009. Groups: M. Moussaïd et al., PLoS ONE 5 (2010).
     """
 
     kind: Literal["pedestrian"] = param("pedestrian", "motion: walks")
@@ -132,6 +137,23 @@ class PedestrianMotion(ParamModel):
     notices_robot: bool = param(True, "false: ignores the robot")
     goal_radius: float = param(0.3, "distance at which a goal is reached", unit="m", gt=0.0)
     pause: float = param(0.0, "pause at each goal", unit="s", ge=0.0)
+    model: Literal["social_force", "orca"] = param(
+        "social_force", "social_force: is pushed away; orca: takes a velocity that collides with nobody (ORCA)"
+    )
+    group: str = param("", "name of the group that it stays with")
+    neighbor_distance: float = param(
+        10.0, "orca: distance of the centers within which other pedestrians are avoided", unit="m", gt=0.0
+    )
+    max_neighbors: int = param(10, "orca: number of pedestrians that are avoided: the nearest ones", ge=0)
+    time_horizon: float = param(5.0, "orca: time without a collision with others", unit="s", gt=0.0)
+    time_horizon_obstacles: float = param(2.0, "orca: time without a collision with walls", unit="s", gt=0.0)
+
+    @model_validator(mode="after")
+    def _matches_model(self) -> PedestrianMotion:
+        given = [name for name in ORCA_PARAMETERS if getattr(self, name) != type(self).model_fields[name].default]
+        if self.model != "orca" and given:
+            raise ValueError(f"the social force model has no {given[0]}; remove it, or write model: orca")
+        return self
 
     @field_validator("goals")
     @classmethod
