@@ -165,7 +165,9 @@ def distance_to_obstacle(x, y, squares, grid, solids):
     """Distance (m) from the point to the nearest wall or solid."""
     nearest, _, _ = nearest_wall(squares, grid, x, y, WALLS_SEEN)
     for k in range(solids.discs.shape[0]):
-        nearest = min(nearest, math.hypot(x - solids.discs[k, 0], y - solids.discs[k, 1]) - solids.discs[k, 2])
+        away = math.hypot(x - solids.discs[k, 0], y - solids.discs[k, 1]) - solids.discs[k, 2]
+        if away < nearest:  # not of one that is absent
+            nearest = away
     for k in range(solids.circles.shape[0]):
         if math.hypot(x - solids.circles[k, 0], y - solids.circles[k, 1]) - solids.circles[k, 2] < nearest:
             away, _, _ = nearest_on_polygon(solids.corners[solids.first[k] : solids.first[k + 1]], x, y)

@@ -237,7 +237,7 @@ def sweep(leaps, grid, discs, circles, corners, first, tops, eye, beams, setting
             continue
         wx, wy, r = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
         d2 = wx * wx + wy * wy
-        if d2 > (reach + r) * (reach + r):
+        if not d2 <= (reach + r) * (reach + r):  # too far, or absent
             continue
         if d2 <= r * r:
             ranges[:] = 0.0

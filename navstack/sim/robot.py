@@ -475,7 +475,7 @@ class SimulatedRobot:
         camera = self.params.camera(name or names[0])
         if width is not None:
             camera = camera.of_width(width)
-        people = 0 if self._crowd is None else len(self.world.people)
+        people = len(self.world.persons)
         return Camera(camera).image(self.world, self.pose, self.time, self._solids, people)
 
     # --- true state ---------------------------------------------------------------------------------------------------

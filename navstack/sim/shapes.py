@@ -163,7 +163,30 @@ class PedestrianMotion(ParamModel):
         return value
 
 
-_AnyMotion = Still | OnTrack | DoorMotion | PedestrianMotion
+class ReplayMotion(ParamModel):
+    """A person whose positions were recorded: walks straight from one to the next, and is absent before and after them.
+
+    In a scenario file, `file` instead of `points` names a CSV file with the columns t, id, x, y (s, m), as the data sets of ETH
+    and UCY are published; each person in it becomes a shape, or only `person`.
+    """
+
+    kind: Literal["replay"] = param("replay", "motion: walks as recorded")
+    points: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = param(
+        ..., "positions [t, x, y] in the map in the order of their times, s and m; at least one"
+    )
+
+    @field_validator("points")
+    @classmethod
+    def _in_order(cls, value: list[list[float]]) -> list[list[float]]:
+        if not value:
+            raise ValueError("points is empty; give at least one position [t, x, y], or a file")
+        for (before, _, _), (time, _, _) in itertools.pairwise(value):
+            if not before < time:
+                raise ValueError(f"points has the time {time:g} s after {before:g} s; sort them, one for each time")
+        return value
+
+
+_AnyMotion = Still | OnTrack | DoorMotion | PedestrianMotion | ReplayMotion
 Motion = Annotated[_AnyMotion, Field(discriminator="kind")]
 MOTIONS: Final[dict[str, type[ParamModel]]] = {m.model_fields["kind"].default: m for m in get_args(_AnyMotion)}
 """`kind` of a shape's motion -> its model."""
@@ -185,7 +208,7 @@ class Shape(ParamModel):
     height: float | None = param(
         None, "a lidar or sonar mounted higher does not see it; none: always seen", unit="m", gt=0.0
     )
-    motion: Motion = param(Still(), "still, track, door or pedestrian, with its parameters")
+    motion: Motion = param(Still(), "still, track, door, pedestrian or replay, with its parameters")
 
     @field_validator("box")
     @classmethod
@@ -232,7 +255,7 @@ class Shape(ParamModel):
             raise ValueError(
                 f"a {outlines[0].replace('radius', 'disc')} has no thickness, only a segment has; remove it"
             )
-        if isinstance(self.motion, PedestrianMotion) and self.radius is None:
+        if isinstance(self.motion, PedestrianMotion | ReplayMotion) and self.radius is None:
             raise ValueError("a pedestrian is a disc; give it a radius (typically 0.25 m)")
         if isinstance(self.motion, DoorMotion):
             if self.radius is not None:

@@ -61,6 +61,8 @@ class World:
         self._is_timed = bool(self.movers) or len(self._timed) > 0
         self.moves = self._is_timed or bool(self.people)
         """True if any obstacle moves."""
+        self.persons = [*self._timed.replayed, *self.people]
+        """All persons, in their order among the discs of the simulated robot, where they are the last."""
         self._still = [shape for shape in shapes if isinstance(shape.motion, Still)]
         self._shape_solids = _static_solids(self._still)
         self._solids = self._with_static(_checked_discs(discs))
