@@ -55,6 +55,13 @@ PERSON = np.dtype(
         ("vy", "f8"),
         ("goal", "i8"),  # index of the current goal
         ("pause", "f8"),  # seconds left at it
+        ("clock", "f8"),  # time since the start, s
+        ("walked", "f8"),  # length of the path, m
+        ("arrivals", "i8"),  # goals reached, one after another
+        ("first_arrival", "f8"),  # time of the first of them, s; inf before it
+        ("last_arrival", "f8"),  # time of the last counted one, s
+        ("walked_then", "f8"),  # length of the path until then, m
+        ("counted", "i8"),  # arrivals that are counted; later ones change nothing
     ],
     align=True,
 )
@@ -184,6 +191,10 @@ def head_for_goal(people, k, settings, goals, dt):
     if people[k].pause > 0.0:
         people[k].pause = max(people[k].pause - dt, 0.0)
     elif left <= settings.goal_radius:
+        if people[k].arrivals < people[k].counted and (settings.goals > 1 or people[k].arrivals == 0):
+            people[k].arrivals += 1
+            people[k].first_arrival = min(people[k].first_arrival, people[k].clock)
+            people[k].last_arrival, people[k].walked_then = people[k].clock, people[k].walked
         people[k].goal = (people[k].goal + 1) % settings.goals
         people[k].pause = settings.pause
     else:
@@ -442,6 +453,8 @@ def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt):
             dx, dy = (nearest_x - x, nearest_y - y) if blocked else (robot[0] - x, robot[1] - y)
             vx, vy = remove_approach(vx, vy, dx, dy)
         people[k].x, people[k].y, people[k].vx, people[k].vy = nx, ny, vx, vy
+        people[k].clock += dt
+        people[k].walked += math.hypot(nx - x, ny - y)
 
 
 DESIRED_SPEED: Final = (1.34, 0.26)
@@ -485,6 +498,10 @@ class Crowd:
         self._people = np.zeros(len(people), PERSON)
         self._people["x"] = [shape.pose[0] for shape, _ in people]
         self._people["y"] = [shape.pose[1] for shape, _ in people]
+        self._people["first_arrival"] = math.inf
+        self._people["counted"] = np.iinfo(np.int64).max
+        self.is_original = before is None
+        """True unless pedestrians were added or removed since the start."""
         if before is not None:
             self._continue(before)
 
@@ -501,6 +518,37 @@ class Crowd:
     def velocities(self) -> NDArray[np.float64]:
         """(n, 2) velocities in the map (m/s)."""
         return np.column_stack((self._people["vx"], self._people["vy"]))
+
+    @property
+    def groups(self) -> NDArray[np.int32]:
+        """(n,) number of each pedestrian's group, -1 without one."""
+        return self._settings["group"].astype(np.int32)
+
+    @property
+    def first_arrivals(self) -> NDArray[np.float64]:
+        """(n,) time at which each reached its first goal (s), inf before."""
+        return self._people["first_arrival"].copy()
+
+    @property
+    def arrivals(self) -> NDArray[np.int64]:
+        """(n,) number of goals that each has reached."""
+        return self._people["arrivals"].copy()
+
+    @property
+    def notice_robot(self) -> bool:
+        """True if any pedestrian notices the robot."""
+        return bool(self._settings["notices_robot"].any())
+
+    def count_arrivals(self, number: NDArray[np.int64]) -> None:
+        """Counts at most `number` (n,) arrivals of each from now on."""
+        self._people["counted"] = number
+
+    def delays(self, others: Crowd) -> NDArray[np.float64]:
+        """(n, 2) how much longer each took to its last goal than in `others`: time (s), path (m); NaN if one of them has not."""
+        own, other = self._people, others._people
+        delays = np.column_stack([own[name] - other[name] for name in ("last_arrival", "walked_then")])
+        delays[(own["arrivals"] == 0) | (own["arrivals"] != other["arrivals"])] = math.nan
+        return delays
 
     def solids(self) -> Solids:
         """Returns the pedestrians as discs at the current time."""
