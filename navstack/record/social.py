@@ -268,8 +268,7 @@ def social_force(
 ) -> NDArray[np.float64]:
     """(.., 2) force (m/s²) on someone by another at `offset` (.., 2) (m), with their velocities (.., 2) (m/s); 0 if absent.
 
-    Moussaïd et al., "Experimental study of the behavioural mechanisms underlying self-organization in human crowds" (2009), with
-    the parameters of HuNavSim. HuNavSim's evaluator swaps the arguments of an arctangent; its numbers are no reference.
+    M. Moussaïd et al., Proceedings of the Royal Society B 276 (2009), with the parameters of HuNavSim. HuNavSim's evaluator swaps the arguments of an arctangent; its numbers are no reference.
     """
     away = np.hypot(offset[..., 0], offset[..., 1])
     there = away > 0.0

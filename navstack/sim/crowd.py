@@ -40,8 +40,8 @@ WALLS_SEEN = 1.5
 OTHERS_SEEN = 5.0
 # what a distance may be off by rounding, m
 ROUNDING = 1e-9
-# groups: M. Moussaïd et al., "The walking behaviour of pedestrian social groups and its impact on crowd dynamics", PLoS ONE 5
-# (2010), equations 3 to 5; the strengths are those of HuNavSim, m/s² (the first one per m/s and rad)
+# groups: M. Moussaïd et al., PLoS ONE 5 e10047 (2010), equations 3 to 5; the strengths are those of HuNavSim, m/s² (the first one
+# per m/s and rad)
 GAZE = 3.0
 COHERENCE = 2.0
 REPULSION = 1.0
