@@ -268,7 +268,8 @@ def social_force(
 ) -> NDArray[np.float64]:
     """(.., 2) force (m/s²) on someone by another at `offset` (.., 2) (m), with their velocities (.., 2) (m/s); 0 if absent.
 
-    M. Moussaïd et al., Proceedings of the Royal Society B 276 (2009), with the parameters of HuNavSim. HuNavSim's evaluator swaps the arguments of an arctangent; its numbers are no reference.
+    M. Moussaïd et al., Proceedings of the Royal Society B 276 (2009), with the parameters of HuNavSim. HuNavSim's evaluator
+    swaps the arguments of an arctangent; its numbers are no reference.
     """
     away = np.hypot(offset[..., 0], offset[..., 1])
     there = away > 0.0
@@ -390,7 +391,7 @@ def _social_work(
     offset: NDArray[np.float64], velocity: NDArray[np.float64], walked: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(n,) size of the sum of the forces on the robot, plus the sizes of its forces on people (m/s²)."""
-    known = ~(np.isnan(offset) | np.isnan(walked)).any(axis=2)
+    known = np.isfinite((offset + walked).sum(axis=2))
     there = np.where(known[..., None], offset, 1e6)  # so far away that there is no force
     moved = np.where(known[..., None], walked, 0.0)
     robot = np.broadcast_to(velocity[:, None], moved.shape)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, Costmap, GridGeometry, plain_kernel
+from navstack.core import LETHAL, Costmap, GridGeometry
 from navstack.global_planner._search import wavefront as kernels
 from navstack.global_planner._search.base import Query, Route, Search, Unreachable
 from navstack.global_planner._search.best_first import UNLIMITED
@@ -128,7 +128,7 @@ class GoalPotential:
         assert self._costmap is not None
         old, new = self._costmap.data.reshape(-1), data.reshape(-1)
         changed = np.empty(int(_MAX_CHANGES * old.size) + 1, np.int64)
-        count = differing(old, new, changed)
+        count = kernels.differing(old, new, changed)
         if count == 0:
             return True
         if count > _MAX_CHANGES * old.size:
@@ -144,31 +144,6 @@ class GoalPotential:
 def _largest_step(costs: WaveCosts) -> float:
     """Return the potential that it takes to enter the most expensive free cell."""
     return float(costs.steps[~costs.blocked].max(initial=0.0))
-
-
-@plain_kernel
-def differing(a, b, found):
-    """Write the indices where two arrays (n,) of bytes differ to `found` (m,); return their number, m at most.
-
-    Eight bytes at a time: a costmap changes in few places between two plans.
-    """
-    words = len(a) // 8
-    first, second = a[: 8 * words].view(np.uint64), b[: 8 * words].view(np.uint64)
-    count = 0
-    for k in range(words):
-        if first[k] == second[k]:
-            continue
-        for i in range(8 * k, 8 * k + 8):
-            if a[i] != b[i]:
-                if count == len(found):
-                    return count
-                found[count] = i
-                count += 1
-    for i in range(8 * words, len(a)):
-        if a[i] != b[i] and count < len(found):
-            found[count] = i
-            count += 1
-    return count
 
 
 def _slack(estimate: float, rise: float) -> float:
