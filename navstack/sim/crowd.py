@@ -305,12 +305,11 @@ def add_group_forces(before, settings, k, ax, ay):
 
 @kernel
 def add_wall_planes(x, y, own, squares, grid, solids, planes):
-    """Writes the half-planes of the walls and solids in sight to `planes`: count, smallest distance (m) and its point.
+    """Writes the half-planes of the walls and solids in sight to `planes`; returns their number.
 
     Towards the nearest point of each, the speed is at most the distance to it divided by the time horizon.
     """
     away, wx, wy = nearest_wall(squares, grid, x, y, WALLS_SEEN)
-    nearest, nearest_x, nearest_y = away, wx, wy
     count = 0
     discs = solids.discs.shape[0]
     for j in range(-1, discs + solids.circles.shape[0]):
@@ -326,13 +325,11 @@ def add_wall_planes(x, y, own, squares, grid, solids, planes):
             if math.hypot(x - solids.circles[i, 0], y - solids.circles[i, 1]) - solids.circles[i, 2] >= WALLS_SEEN:
                 continue
             away, wx, wy = nearest_on_polygon(solids.corners[solids.first[i] : solids.first[i + 1]], x, y)
-        if away < nearest:
-            nearest, nearest_x, nearest_y = away, wx, wy
         if away < WALLS_SEEN and away != 0.0:
             planes[count, 0], planes[count, 1] = (x - wx) / away, (y - wy) / away
             planes[count, 2] = (own.radius - away) / own.time_horizon_obstacles
             count += 1
-    return count, nearest, nearest_x, nearest_y
+    return count
 
 
 @kernel
@@ -395,40 +392,68 @@ def remove_approach(vx, vy, dx, dy):
 
 
 @kernel
-def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt):
+def group_forces(people, settings, out):
+    """Writes the acceleration (n, 2) (m/s²) of each person by its group, 0 without one."""
+    for k in range(people.shape[0]):
+        out[k, 0], out[k, 1] = 0.0, 0.0
+        if settings[k].group >= 0:
+            out[k, 0], out[k, 1] = add_group_forces(people, settings, k, 0.0, 0.0)
+
+
+@kernel
+def orca_velocities(people, settings, goals, squares, grid, solids, robot, push, dt, out):
+    """Writes the velocity (n, 2) (m/s) that each person by ORCA takes for the next step; arguments as of `step_crowd`."""
+    n = people.shape[0]
+    xs, ys, near = np.empty(n), np.empty(n), np.empty(n + 1, np.int64)
+    for k in range(n):
+        xs[k], ys[k] = people[k].x, people[k].y
+    rows = 2 + n + solids.discs.shape[0] + solids.circles.shape[0]
+    planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
+    for k in range(n):
+        own = settings[k]
+        if not own.orca:
+            continue
+        x, y = people[k].x, people[k].y
+        goal = own.first_goal + people[k].goal
+        gx, gy = goals[goal, 0] - x, goals[goal, 1] - y
+        left = math.hypot(gx, gy)
+        px, py = 0.0, 0.0
+        if people[k].pause <= 0.0 and left > own.goal_radius:
+            px, py = own.speed * gx / left, own.speed * gy / left
+        px, py = px + push[k, 0], py + push[k, 1]
+        walls = add_wall_planes(x, y, own, squares, grid, solids, planes)
+        number = people_within(xs, ys, x, y, own.neighbor_distance, near)
+        count = add_person_planes(people, settings, k, near, number, robot, dt, planes, walls)
+        out[k, 0], out[k, 1] = avoiding_velocity(planes, count, walls, px, py, own.speed, scratch)
+
+
+@kernel
+def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt, chosen):
     """Moves the people (n,) of type `PERSON` by one step of `dt` (s).
 
     `settings` (n,) of type `PEDESTRIAN`; `goals` (g, 2) of all people (m); `robot` = [x, y, vx, vy, radius] in the map; `sway`
-    (n, 2) random accelerations (m/s²). A person whose next position is closer to a wall, a solid or a noticed robot than
-    the radii allow slides along it, or stops.
+    (n, 2) further accelerations (m/s²); `chosen` (n, 2) velocities of those by ORCA (m/s), (0, 2) without any. A person whose
+    next position is closer to a wall, a solid or a noticed robot than the radii allow slides along it, or stops.
     """
     n = people.shape[0]
     before = people.copy()
-    xs, ys, near = before["x"].copy(), before["y"].copy(), np.empty(n + 1, np.int64)
-    largest = settings["radius"].max()
-    rows = 2 + n + solids.discs.shape[0] + solids.circles.shape[0] if settings["orca"].any() else 0
-    planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
+    xs, ys, near = np.empty(n), np.empty(n), np.empty(n + 1, np.int64)
+    largest = 0.0
+    for k in range(n):
+        xs[k], ys[k], largest = before[k].x, before[k].y, max(largest, settings[k].radius)
     for k in range(n):
         own = settings[k]
         x, y, vx, vy = before[k].x, before[k].y, before[k].vx, before[k].vy
         ex, ey = head_for_goal(people, k, own, goals, dt)
-        if own.orca:
-            px, py = own.speed * ex + dt * sway[k, 0], own.speed * ey + dt * sway[k, 1]
-            if own.group >= 0:
-                ax, ay = add_group_forces(before, settings, k, 0.0, 0.0)
-                px, py = px + RELAXATION * ax, py + RELAXATION * ay
-            walls, nearest, nearest_x, nearest_y = add_wall_planes(x, y, own, squares, grid, solids, planes)
-            number = people_within(xs, ys, x, y, own.neighbor_distance, near)
-            count = add_person_planes(before, settings, k, near, number, robot, dt, planes, walls)
-            vx, vy = avoiding_velocity(planes, count, walls, px, py, own.speed, scratch)
-        else:
-            ax, ay = (own.speed * ex - vx) / RELAXATION + sway[k, 0], (own.speed * ey - vy) / RELAXATION + sway[k, 1]
+        ax, ay = (own.speed * ex - vx) / RELAXATION + sway[k, 0], (own.speed * ey - vy) / RELAXATION + sway[k, 1]
+        if not own.orca:
             reach = OTHERS_SEEN + largest + own.radius - 2.0 * BODY + ROUNDING
             number = people_within(xs, ys, x, y, reach, near)
             ax, ay = add_social_forces(before, settings, k, near, number, ex, ey, robot, ax, ay)
-            if own.group >= 0:
-                ax, ay = add_group_forces(before, settings, k, ax, ay)
-            ax, ay, nearest, nearest_x, nearest_y = add_obstacle_forces(x, y, squares, grid, solids, ax, ay)
+        ax, ay, nearest, nearest_x, nearest_y = add_obstacle_forces(x, y, squares, grid, solids, ax, ay)
+        if own.orca:
+            vx, vy = chosen[k, 0], chosen[k, 1]
+        else:
             vx, vy = vx + dt * ax, vy + dt * ay
             speed = math.hypot(vx, vy)
             if speed > HURRY * own.speed:
@@ -467,6 +492,9 @@ MAX_STEP: Final = 0.05
 """Longer simulation steps are divided into equal steps of at most this length (s)."""
 
 
+_NOBODY: Final = np.empty((0, 2))
+
+
 class Crowd:
     """The pedestrians of a world during one run; their motion depends on the robot's."""
 
@@ -500,6 +528,8 @@ class Crowd:
         self._people["y"] = [shape.pose[1] for shape, _ in people]
         self._people["first_arrival"] = math.inf
         self._people["counted"] = np.iinfo(np.int64).max
+        self._has_orca = bool(self._settings["orca"].any())
+        self._has_groups = bool((self._settings["group"] >= 0).any())
         self.is_original = before is None
         """True unless pedestrians were added or removed since the start."""
         if before is not None:
@@ -571,6 +601,14 @@ class Crowd:
         parts = max(1, math.ceil(dt / MAX_STEP - 1e-9))
         for _ in range(parts):
             sway = self._rng.standard_normal((len(self._people), 2)) * (SWAY / math.sqrt(dt / parts))
-            step_crowd(
-                self._people, self._settings, self._goals, squares, grid, solids.geometry, robot, sway, dt / parts
-            )
+            state = self._people, self._settings, self._goals, squares, grid, solids.geometry, robot
+            pull = _NOBODY
+            if self._has_groups:
+                pull = np.empty_like(sway)
+                group_forces(self._people, self._settings, pull)
+            chosen = _NOBODY
+            if self._has_orca:
+                chosen = np.zeros_like(sway)
+                push = dt / parts * sway + RELAXATION * pull if self._has_groups else dt / parts * sway
+                orca_velocities(*state, push, dt / parts, chosen)
+            step_crowd(*state, sway + pull if self._has_groups else sway, dt / parts, chosen)
