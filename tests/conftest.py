@@ -111,6 +111,7 @@ COMPILING_FILES = frozenset(
         "sim/test_crowd.py",
         "sim/test_estimation.py",
         "sim/test_movers.py",
+        "sim/test_orca.py",
         "sim/test_shapes_in_scenarios.py",
         "sim/test_sonar_stack.py",
     ]

@@ -34,7 +34,9 @@ class Verification(NamedTuple):
     suite: Annotated[
         str,
         typer.Option(
-            "--suite", metavar="NAME", help="Suite for --verify: office, narrow, crowd, warehouse or shipped."
+            "--suite",
+            metavar="NAME",
+            help="Suite for --verify: office, narrow, crowd, warehouse, circle_crossing or shipped.",
         ),
     ] = SUITE
     scenarios: Annotated[

@@ -120,6 +120,8 @@ def _print(result: RunResult, files: dict[str, str]) -> None:
         f"{m.clearance_mean_m:.2f} m; mean speed in motion {m.speed_mean_m_s:.2f} m/s, jerk {m.jerk_rms_m_s3:.2f} m/s³, "
         f"curvature {m.curvature_mean_1_m:.2f} rad/m"
     )
+    if m.social is not None:
+        out.print("; ".join(f"{name} {value}" for name, value in m.social.shown()))
     out.print(
         f"{result.simulated_s:.1f} s simulated in {result.wall_s:.2f} s: {result.real_time_factor:.0f} times real time; "
         f"{'1 collision' if result.collisions == 1 else f'{result.collisions} collisions'}; seed {result.seed}"

@@ -453,7 +453,9 @@ class SessionView:
         if not world.moves:
             return
         entries["discs"] = [
-            [world.name_of("disc", k), *_rounded(disc, 3)] for k, disc in enumerate(solids.discs.tolist())
+            [world.name_of("disc", k), *_rounded(disc, 3)]
+            for k, disc in enumerate(solids.discs.tolist())
+            if disc[0] == disc[0]  # absent ones have no position
         ]
         entries["polygons"] = [
             [world.name_of("polygon", k), *_rounded(solids.polygon(k).ravel().tolist(), 3)]

@@ -29,6 +29,7 @@ from navstack.record.columns import Streamed
 from navstack.record.commands import check_commands, check_zones
 from navstack.record.estimates import check_estimates
 from navstack.record.format import ARRAYS, COSTMAP_TABLE, EVENTS, FORMAT, META, RUN_FILE, TABLES, VERSION
+from navstack.record.social import check_people
 from navstack.record.steering import check_steering
 
 # --- checks -----------------------------------------------------------------------------------------------------------
@@ -51,6 +52,7 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
     check_steering(meta, arrays)
     if "solid_discs" in arrays:
         _check_solids(arrays)
+    check_people(arrays)
     for name in ("plan_poses", "local_plan_samples", "local_plan_poses"):
         if arrays[name].shape[1] != 3:
             raise ValueError(f"{name} has shape {arrays[name].shape}")

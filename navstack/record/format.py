@@ -78,6 +78,12 @@ Plain arrays:
     solid_corners            (r, m, 2) f4   else there is a row per row of `samples`. Corners x, y of p polygons; those of
     solid_first              (p + 1,) i8    polygon i start at solid_first[i]. All absent if there are no obstacles besides
                                             the map and the scenario's `obstacles`. NaN while an obstacle is absent
+    people                   (n, p, 2) f8   x, y, map: the centers of p people, a row per row of `samples`; NaN while one is
+                                            absent
+    persons                  (p,) table     radius f8 m; group i4: number of the group, -1 none; first_arrival f8 s: at a goal,
+                                            inf none; delay_s f8 s, delay_m f8 m: how much longer the person took to its last
+                                            goal than in the same run without the robot, NaN if unknown. Both arrays are
+                                            absent without people
     plan_poses               (n, 3) f8      x, y, yaw in the plan's frame
     local_plan_samples       (n, 3) f4      velocities vx, vy, wz, m/s and rad/s
     local_plan_costs         (n, c) f4      raw cost per critic, NaN if it was not computed

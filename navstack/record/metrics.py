@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from navstack.move_base import TickResult
 from navstack.record.reader import Record
+from navstack.record.social import SocialMetrics, robot_radius, social_metrics
 
 MOVING_M_S = 0.01
 """Minimum speed that counts as moving; slower is standing or turning in place (m/s, rad/s)."""
@@ -59,13 +60,19 @@ class RunMetrics:
     """Time spent neither moving nor turning."""
     state_s: Mapping[str, float]
     """Time in each state of the goal manager, by name."""
+    social: SocialMetrics | None = None
+    """Of a run among people; None for any other."""
 
     def as_dict(self) -> dict[str, Any]:
         """Returns JSON data."""
-        out: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__ if name != "state_s"}
+        out: dict[str, Any] = {
+            name: getattr(self, name) for name in self.__slots__ if name not in ("state_s", "social")
+        }
         out["state_s"] = {name: round(seconds, 6) for name, seconds in self.state_s.items()}
         for name in ("time_s", "turning_s", "standing_s"):
             out[name] = round(out[name], 6)
+        if self.social is not None:
+            out["social"] = self.social.as_dict()
         return out
 
 
@@ -77,10 +84,12 @@ def compute_metrics(
     *,
     results: Sequence[Mapping[str, Any]],
     collisions: int,
+    social: SocialMetrics | None = None,
 ) -> RunMetrics:
     """Computes the metrics from the control cycles: times (n,) s, true poses (n, 3) in the map, states (n,), clearances (n,) m.
 
-    `results` are the goals' outcomes as in the record (`state`, `path_length_m`, `recoveries`).
+    `results` are the goals' outcomes as in the record (`state`, `path_length_m`, `recoveries`). `social`: those of a run among
+    people (`social_metrics`).
     """
     step = np.diff(times)
     # two cycles at the same time have no interval between them
@@ -116,6 +125,7 @@ def compute_metrics(
         turning_s=float(duration[turning].sum()),
         standing_s=float(duration[standing].sum()),
         state_s=dict(sorted(in_state.items())),
+        social=social,
     )
 
 
@@ -128,6 +138,26 @@ def metrics_of(record: Record) -> RunMetrics:
         record.clearances,
         results=record.results,
         collisions=len(record.collisions),
+        social=_social_metrics_of(record),
+    )
+
+
+def _social_metrics_of(record: Record) -> SocialMetrics | None:
+    people = record.people
+    if people is None or not len(record.times):
+        return None
+    goals = np.array([*record.goals, (math.nan,) * 3], np.float64).reshape(-1, 3)
+    plans: dict[int, NDArray[np.float64]] = {}
+    for plan in record.plans:
+        plans.setdefault(plan.goal, plan.poses)
+    return social_metrics(
+        record.times,
+        record.poses,
+        people,
+        robot_radius=robot_radius(record.footprint),
+        targets=goals[record.goal_indices, :2],
+        plans=plans,
+        results=record.results,
     )
 
 

@@ -31,6 +31,7 @@ from navstack.plugins import LocalPlan
 from navstack.record.archive import locate, read
 from navstack.record.commands import RecordedCommand, recorded_command
 from navstack.record.estimates import COVARIANCE, ESTIMATE_TABLE
+from navstack.record.social import PeopleTrack
 from navstack.record.steering import SteeredBase, steered_base_of
 
 
@@ -182,6 +183,11 @@ class Record:
         """(n,) steering angle (rad) of a steered base, nan for any other."""
         found = self.arrays.get("steering")
         return np.full(len(self.times), np.nan) if found is None else found
+
+    @cached_property
+    def people(self) -> PeopleTrack | None:
+        """Where the people were; None for a run without people."""
+        return PeopleTrack.of(self.arrays)
 
     @property
     def has_moving_solids(self) -> bool:

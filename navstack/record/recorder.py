@@ -44,6 +44,7 @@ from navstack.record.columns import Column, OnDemand, Streamed, Table
 from navstack.record.commands import CommandBuffer
 from navstack.record.estimates import EstimateBuffer
 from navstack.record.reader import Record
+from navstack.record.social import PeopleTrack
 from navstack.record.steering import SteeredBase
 from navstack.safety import CommandStep
 
@@ -159,6 +160,7 @@ class RunRecorder:
         self._knows_clearance = False
         self._steered_base, self._steering = steering, Column("<f8", None, spool)
         self._clearance_source: Callable[[], Sequence[float]] | None = None
+        self._people_source: Callable[[], PeopleTrack | None] | None = None
         self._solids = SolidsBuffer()
         self._goals: list[tuple[float, ...]] = []
         self._collisions: list[tuple[float, ...]] = []
@@ -230,6 +232,10 @@ class RunRecorder:
         It is called at the end, and whenever the record is read before.
         """
         self._clearance_source = source
+
+    def set_people_source(self, source: Callable[[], PeopleTrack | None]) -> None:
+        """Sets a function that returns where the people were at all samples so far; it is called as that of the clearances."""
+        self._people_source = source
 
     def solids(
         self,
@@ -337,6 +343,9 @@ class RunRecorder:
         if self._steered_base is not None:
             arrays["steering"] = self._steering.streamed()
         arrays |= self._solids.arrays(len(self._samples))
+        people = None if self._people_source is None else self._people_source()
+        if people is not None:
+            arrays |= people.arrays()
         for name, rows in (("goals", self._goals), ("collisions", self._collisions)):
             columns = np.array(rows, np.float64).reshape(-1, 4)
             arrays[name] = fmt.table(

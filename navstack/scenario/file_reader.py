@@ -61,7 +61,7 @@ from navstack.scenario.interactions import INTERACTION, KINDS
 from navstack.scenario.low_battery import LowBattery
 from navstack.scenario.places import Places, is_step_node, load_places, pose_of, visit_order
 from navstack.scenario.recognition import SUFFIXES, is_scenario_file
-from navstack.scenario.scenario import MAX_INTERACTIONS, Scenario, too_many_pedestrians
+from navstack.scenario.scenario import MAX_INTERACTIONS, MAX_SHAPES, Scenario, too_many_pedestrians
 from navstack.scenario.spec import (
     ScenarioSpec,
     Tour,
@@ -73,7 +73,8 @@ from navstack.scenario.spec import (
 )
 from navstack.scenario.steps import Step, read_step, step_data, step_text
 from navstack.scenario.success import Success, SuccessConditions
-from navstack.sim import MOTIONS, PedestrianMotion, Shape
+from navstack.scenario.trajectories import read_trajectories
+from navstack.sim import MOTIONS, PedestrianMotion, ReplayMotion, Shape
 
 _OF_SPEC: Final = file_fields(ScenarioSpec)
 _OF_SCENARIO: Final = file_fields(Scenario)
@@ -522,12 +523,67 @@ def read_shapes(context: ReadContext) -> None:
     if not isinstance(node, ListNode):
         context.type_error(node, "shapes", f"a list, for example {_SHAPE_EXAMPLE}")
         return
-    made = [_read_shape(context, item, f"shape {i}") for i, item in enumerate(node.items, 1)]
-    context.spec.values["shapes"] = tuple(shape for shape in made if shape is not None)
+    made = [
+        shape for i, item in enumerate(node.items, 1) for shape in _read_shapes_of_entry(context, item, f"shape {i}")
+    ]
+    context.spec.values["shapes"] = tuple(made)
     walking = sum(isinstance(shape.motion, PedestrianMotion) for shape in context.spec.shapes)
     problem = too_many_pedestrians(walking)
+    if problem is None and len(made) > MAX_SHAPES:
+        problem = f"{len(made)} entries; the simulator handles {MAX_SHAPES}"
     if problem is not None:
         context.error("wrong-value", node.at, "shapes", f"shapes has {problem}; remove some")
+
+
+def _read_shapes_of_entry(context: ReadContext, node: Node, name: str) -> list[Shape]:
+    """Returns the shapes of an entry: one, or one for each person of the file of a replay; none after an error."""
+    motion = node.items["motion"][1] if isinstance(node, DictNode) and "motion" in node.items else None
+    if isinstance(node, DictNode) and isinstance(motion, DictNode) and "file" in motion.items:
+        kind = motion.items.get("kind")
+        if kind is not None and isinstance(kind[1], ScalarNode) and kind[1].value == "replay":
+            return _read_replay(context, node, motion, name)
+    shape = _read_shape(context, node, name)
+    return [] if shape is None else [shape]
+
+
+def _read_replay(context: ReadContext, node: DictNode, motion: DictNode, name: str) -> list[Shape]:
+    """Returns a shape for each person of the file that the motion names, or for the one that it names."""
+    context.check_keys(motion, ("kind", "file", "person"), "a motion of kind replay with a file")
+    at, file_node = motion.items["file"]
+    file = context.text(file_node, "file", "the name of a CSV file with the columns t, id, x, y")
+    if file is None:
+        return []
+    try:
+        people = read_trajectories(context.resolve(file))
+    except InputError as exc:
+        context.add_input_error(exc, at, name)
+        return []
+    if "person" in motion.items:
+        at, person_node = motion.items["person"]
+        person = str(person_node.value) if isinstance(person_node, ScalarNode) else ""
+        if person not in people:
+            close = nearest(person, people)
+            hint = f"did you mean {close}?" if close else f"it has {', '.join(list(people)[:10])}"
+            context.error("unknown", at, name, f'{file} has no person "{person}"; {hint}', close)
+            return []
+        people = {person: people[person]}
+    others = {key: value for key, value in node.items.items() if key not in ("motion", "pose")}
+    shape = _read_shape(context, DictNode(others, node.at), name)
+    if shape is None:
+        return []
+    if shape.radius is None:
+        context.error("wrong-value", node.at, name, f"{name}: a person is a disc; give it a radius (typically 0.25 m)")
+        return []
+    return [
+        shape.model_copy(
+            update={
+                "name": f"{shape.name or 'person'} {person}" if len(people) > 1 or not shape.name else shape.name,
+                "pose": [*points[0][1:], 0.0],
+                "motion": ReplayMotion(points=points),
+            }
+        )
+        for person, points in people.items()
+    ]
 
 
 def _read_shape(context: ReadContext, node: Node, name: str) -> Shape | None:

@@ -13,9 +13,18 @@ from numpy.typing import NDArray
 
 from navstack.core import Event, Pose2D
 from navstack.parameters import Finding
-from navstack.record import RunMetrics, RunRecorder, Timings, compute_metrics
+from navstack.record import (
+    PeopleTrack,
+    RunMetrics,
+    RunRecorder,
+    SocialMetrics,
+    Timings,
+    compute_metrics,
+    robot_radius,
+    social_metrics,
+)
 from navstack.scenario.success import ConditionResult
-from navstack.sim import SimulatedRobot
+from navstack.sim import Shape, SimulatedRobot
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +257,50 @@ class RunResult:
         }
 
 
+class _PeopleSamples:
+    """The positions of the people at the control cycles. People may be added and removed by interactions."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot = robot
+        self._persons: list[Shape] = []
+        self._columns: list[int] = []
+        self._listed: object = None
+        self._samples: list[tuple[list[int], NDArray[np.float64]]] = []
+        self._track: tuple[int, PeopleTrack] | None = None
+
+    @property
+    def any(self) -> bool:
+        """True if there are people now."""
+        return bool(self._robot.world.persons)
+
+    def add(self) -> None:
+        """Records the current cycle."""
+        persons = self._robot.world.persons
+        if self._listed is not persons:
+            self._listed = persons
+            self._persons += [person for person in persons if person not in self._persons]
+            self._columns = [self._persons.index(person) for person in persons]
+        self._samples.append((self._columns, self._robot.people.copy() if persons else _NOBODY))
+
+    def track(self) -> PeopleTrack | None:
+        """Returns the positions so far, None if there was nobody."""
+        if not self._persons:
+            return None
+        count = len(self._samples)
+        if self._track is None or self._track[0] != count:
+            positions = np.full((count, len(self._persons), 2), math.nan)
+            for row, (columns, found) in zip(positions, self._samples, strict=True):
+                row[columns] = found
+            groups, walks = np.full(len(self._persons), -1, np.int32), np.full((len(self._persons), 3), math.nan)
+            groups[self._columns], walks[self._columns] = self._robot.groups, self._robot.walks()
+            radii = np.array([person.radius for person in self._persons], np.float64)
+            self._track = count, PeopleTrack(positions, radii, groups, walks)
+        return self._track[1]
+
+
+_NOBODY: Final = np.empty((0, 2))
+
+
 class RunMeasurements:
     """Collects pose, state and clearance at each control cycle.
 
@@ -264,11 +317,25 @@ class RunMeasurements:
         self._solids = robot.solids
         """The obstacles during the cycles whose clearance has not been computed yet."""
         self._last_pose = robot.pose
+        self._people = _PeopleSamples(robot)
+        self._goal_numbers = array("q")
+        self._targets: list[Pose2D] = []
+        self._plans: dict[int, NDArray[np.float64]] = {}
+        """The first plan of each goal of a run among people."""
         self.path_length = 0.0
         """Sum of the distances between consecutive cycles' poses (m); excludes slip within a cycle."""
 
-    def add(self, state: str) -> None:
-        """Records the current cycle."""
+    def note_goal(self, pose: Pose2D) -> None:
+        """Records a goal, in the order of their numbers."""
+        self._targets.append(pose)
+
+    def note_plan(self, goal: int, poses: NDArray[np.float64]) -> None:
+        """Records the plan (n, 3) for goal number `goal`."""
+        if self._keep and self._people.any:
+            self._plans.setdefault(goal, poses.copy())
+
+    def add(self, state: str, goal: int = -1) -> None:
+        """Records the current cycle, on the way to goal number `goal`."""
         robot = self._robot
         pose = robot.pose
         self.path_length += pose.distance_to(self._last_pose)
@@ -280,6 +347,8 @@ class RunMeasurements:
             self._solids = robot.solids
         self._rows.extend((robot.time, *pose))
         self._states.append(state)
+        self._goal_numbers.append(goal)
+        self._people.add()
 
     def clearances(self) -> array[float]:
         """Returns the clearance at each cycle (m)."""
@@ -304,6 +373,26 @@ class RunMeasurements:
             np.array(self.clearances(), np.float64),
             results=results,
             collisions=len(self._robot.collisions),
+            social=self._social_metrics(rows, results),
+        )
+
+    def people(self) -> PeopleTrack | None:
+        """Returns where the people were at each cycle; None if there were none."""
+        return self._people.track()
+
+    def _social_metrics(self, rows: NDArray[np.float64], results: Sequence[Mapping[str, Any]]) -> SocialMetrics | None:
+        people = self.people()
+        if people is None or not len(rows):
+            return None
+        goals = np.array([*self._targets, (math.nan,) * 3], np.float64).reshape(-1, 3)
+        return social_metrics(
+            rows[:, 0],
+            rows[:, 1:4],
+            people,
+            robot_radius=robot_radius(self._robot.footprint),
+            targets=goals[np.array(self._goal_numbers, np.int64), :2],
+            plans=self._plans,
+            results=results,
         )
 
     def _compute_clearances(self) -> None:

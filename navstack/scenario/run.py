@@ -173,7 +173,7 @@ class Run:
         self._measurements = RunMeasurements(self.robot, keep=measure)
         self.recorder = new_recorder(scenario, self.robot, scans=scans, spool=spool) if record else None
         if self.recorder is not None:
-            self.recorder.set_clearance_source(self._measurements.clearances)
+            self._measure_for(self.recorder)
         self._warnings = WarningCollector()
         listening = [self._warnings, *listeners]
         if self.recorder is not None:
@@ -270,7 +270,9 @@ class Run:
                 "simulated time; this is a bug in navstack, please report it with the scenario",
                 time=robot.time,
             )
-        self._measurements.add(move_base.activity)
+        self._measurements.add(move_base.activity, self.goal_index)
+        if move_base.last_tick.plan is not None:
+            self._measurements.note_plan(self.goal_index, move_base.last_tick.plan.path.poses)
         self._record_targets()
         if self.recorder is not None:
             changed = self.interventions.world_changed
@@ -313,7 +315,7 @@ class Run:
         """
         self.goals.finish_ended()
         if self.done and self.recorder is not None:
-            self.recorder.set_clearance_source(self._measurements.clearances)
+            self._measure_for(self.recorder)
         self.interventions.apply(item)
         self.done = False
         self._goes_on_until = max(self._goes_on_until, effect_ends(item))
@@ -385,6 +387,11 @@ class Run:
         """Distance driven (m)."""
         return self._measurements.path_length
 
+    def _measure_for(self, recorder: RunRecorder) -> None:
+        """Lets the recorder ask for what is measured."""
+        recorder.set_clearance_source(self._measurements.clearances)
+        recorder.set_people_source(self._measurements.people)
+
     def _settle(self) -> None:
         """Stores the outcomes of ended goals and carries out the interactions whose time has come."""
         self.goals.finish_ended()
@@ -415,8 +422,10 @@ class Run:
             if motion is not None and not motion.has_begun and not motion.is_done:
                 return
             self._unrecorded.popleft()
+            target = sent.target or self.robot.pose
+            self._measurements.note_goal(target)
             if self.recorder is not None:
-                self.recorder.goal(sent.time, sent.target or self.robot.pose)
+                self.recorder.goal(sent.time, target)
 
     def _make_motion(self, step: Step) -> Behavior:
         navstack = self.interventions.configuration.navstack

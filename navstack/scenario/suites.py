@@ -115,6 +115,44 @@ def warehouse_scenario(number: int) -> ScenarioSpec:
     return single_goal_spec(f"warehouse {number}", start, goal, 240.0, map_file=warehouse.file, shapes=shapes)
 
 
+CROWDNAV_CASES: Final = 500
+_CROWDNAV_RADIUS_M: Final = 4.0
+_CROWDNAV_PERSON_M: Final = 0.3
+"""Radius of people and, when they are placed, of the robot."""
+_CROWDNAV_GAP_M: Final = 0.2
+
+
+@lru_cache(maxsize=1)
+def _empty_square() -> OccupancyGrid:
+    return OccupancyGrid(np.zeros((240, 240), np.int8), GridGeometry(240, 240, 0.05, -6.0, -6.0))
+
+
+def circle_crossing_scenario(number: int) -> ScenarioSpec:
+    """Test case `number` of CrowdNav (C. Chen et al., "Crowd-Robot Interaction", ICRA 2019): across a circle of 4 m among five.
+
+    People by ORCA at 1 m/s start near the circle, where CrowdNav's generator puts them in this case, and walk to the opposite
+    side. They do not notice the robot, which has 25 s from (0, -4) to (0, 4).
+    """
+    rng = np.random.RandomState(1000 + number)  # the test cases follow the 1000 of the validation
+    start, goal = (0.0, -_CROWDNAV_RADIUS_M), (0.0, _CROWDNAV_RADIUS_M)
+    apart = 2.0 * _CROWDNAV_PERSON_M + _CROWDNAV_GAP_M
+    taken = [start, goal]
+    people: list[Shape] = []
+    while len(people) < 5:
+        angle, noise_x, noise_y = rng.random_sample() * 2.0 * math.pi, rng.random_sample(), rng.random_sample()
+        x = _CROWDNAV_RADIUS_M * math.cos(angle) + noise_x - 0.5
+        y = _CROWDNAV_RADIUS_M * math.sin(angle) + noise_y - 0.5
+        if any(math.hypot(x - other_x, y - other_y) < apart for other_x, other_y in taken):
+            continue
+        taken += [(x, y), (-x, -y)]
+        motion = PedestrianMotion(
+            goals=[[-x, -y]], speed=1.0, notices_robot=False, model="orca", time_horizon_obstacles=5.0
+        )
+        people.append(Shape(name=f"person {len(people) + 1}", radius=_CROWDNAV_PERSON_M, pose=[x, y], motion=motion))
+    ends = Pose2D(*start, 0.5 * math.pi), Pose2D(*goal, 0.5 * math.pi)
+    return single_goal_spec(f"crossing {number}", *ends, 25.0, grid=_empty_square(), shapes=tuple(people))
+
+
 Split = Literal["train", "held_out", "all"]
 
 _SPLITS: Final[dict[str, tuple[int, int]]] = {"train": (0, 2), "held_out": (1, 2), "all": (0, 1)}
@@ -123,6 +161,7 @@ _GENERATED: Final[dict[str, Callable[[int], ScenarioSpec]]] = {
     "office": office_scenario,
     "narrow": narrow_scenario,
     "crowd": crowd_scenario,
+    "circle_crossing": circle_crossing_scenario,
     "warehouse": warehouse_scenario,
 }
 
@@ -143,13 +182,14 @@ def load_suite(
     - `office`: between rooms of an office, with a few objects that are not on the map.
     - `narrow`: rooms whose doors are 0.55 to 0.75 m wide.
     - `crowd`: through an office with pedestrians in its corridor.
+    - `circle_crossing`: the 500 test cases of CrowdNav, across a circle among five people.
     - `warehouse`: between the racks of a warehouse, with a few boxes that are not on the map.
     - `barn`: the BARN worlds in `directory` (with `worlds.npz`) for a Jackal without a map.
     - `shipped`: the scenario files shipped with navstack.
 
     `split`: `train` has the even numbers, `held_out` the odd ones. `count` limits the scenarios of the split (default: 16, or 8
-    of a split; all of `barn` and `shipped`). The same arguments give the same scenarios on every machine. Raises InputError
-    for an unknown name or split, ScenarioError for an invalid shipped file.
+    of a split; all of `barn`, `shipped` and `circle_crossing`). The same arguments give the same scenarios on every machine.
+    Raises InputError for an unknown name or split, ScenarioError for an invalid shipped file.
     """
     if split not in _SPLITS:
         raise InputError(f'unknown split "{split}"; known splits: {", ".join(_SPLITS)}', split=split)
@@ -164,7 +204,9 @@ def load_suite(
         close = nearest(name, suite_names())
         hint = f'did you mean "{close}"?' if close else f"known suites: {', '.join(suite_names())}"
         raise InputError(f'unknown suite "{name}"; {hint}', suite=name, known=suite_names())
-    if count is None:
+    if name == "circle_crossing":
+        count = min(count or CROWDNAV_CASES, len(range(first, CROWDNAV_CASES, step)))
+    elif count is None:
         count = DEFAULT_COUNT if split == "all" else DEFAULT_COUNT // 2
     return [_GENERATED[name](number) for number in range(first, first + step * count, step)]
 
@@ -184,7 +226,7 @@ def suite_scale(name: str, footprint: Footprint) -> float:
     A multiple of 0.25, so that robots of about the same size get the same maps. 1 for suites that are not generated: their
     scenarios say themselves for which robot they are.
     """
-    if name not in _GENERATED:
+    if name not in _GENERATED or name == "circle_crossing":  # a benchmark stays as it is
         return 1.0
     needed = footprint.circumscribed_radius / _LARGEST_RADIUS_M
     if name == "narrow":

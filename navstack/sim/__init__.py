@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from navstack.sim.shapes import DoorMotion as DoorMotion
     from navstack.sim.shapes import OnTrack as OnTrack
     from navstack.sim.shapes import PedestrianMotion as PedestrianMotion
+    from navstack.sim.shapes import ReplayMotion as ReplayMotion
     from navstack.sim.shapes import Shape as Shape
     from navstack.sim.shapes import Still as Still
     from navstack.sim.shapes import low_disc as low_disc

@@ -226,6 +226,8 @@ def draw_disc(rgb, depth, disc, eye, view, kind, row, top, colors):
     c, s = math.cos(eye[2]), math.sin(eye[2])
     wx, wy, r = disc[0] - eye[0], disc[1] - eye[1], disc[2]
     x, y = c * wx + s * wy, c * wy - s * wx
+    if math.isnan(x):
+        return  # absent
     first, last = columns_of(view, depth.shape[1], x, y, r)
     for u in range(first, last + 1):
         aside = (view.center_u - u) / view.focal

@@ -63,7 +63,7 @@ def solid_collision(solids, number, footprint, radius, x, y, c, s, placed):
     discs, circles = solids.discs, solids.circles
     if number < discs.shape[0]:
         dx, dy, r = discs[number, 0] - x, discs[number, 1] - y, discs[number, 2]
-        if dx * dx + dy * dy > (radius + r) * (radius + r):
+        if not dx * dx + dy * dy <= (radius + r) * (radius + r):  # too far, or absent
             return False
         return polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < r
     k = number - discs.shape[0]
@@ -198,7 +198,7 @@ def clearance(squares, grid, discs, circles, corners, first, footprint, x, y, ya
     for k in range(discs.shape[0]):
         dx, dy = discs[k, 0] - x, discs[k, 1] - y
         away = math.hypot(dx, dy)
-        if away - discs[k, 2] - radius > best + CLOSE:
+        if not away - discs[k, 2] - radius <= best + CLOSE:  # too far, or absent
             continue
         if n > 1:
             away = polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx)

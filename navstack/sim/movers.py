@@ -1,4 +1,4 @@
-"""Obstacles whose poses are a function of time, so that runs stay reproducible: on tracks, and doors.
+"""Obstacles whose poses are a function of time, so that runs stay reproducible: on tracks, replayed persons, and doors.
 
 `TimedShapes` places the shapes of a scenario; a `Mover` is anything else that moves discs.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import InputError, kernel
-from navstack.sim.shapes import DoorMotion, OnTrack, Shape
+from navstack.sim.shapes import DoorMotion, OnTrack, ReplayMotion, Shape
 from navstack.sim.solids import Solids, pack_outlines, place_polygons
 
 
@@ -64,6 +64,29 @@ def headings_on_tracks(corners, first_corner, corner_at, speed, start_offset, ti
         _, _, dx, dy = find_on_track(corners, corner_at, low, high, at)
         headings[k] = math.atan2(dy, dx) if speed[k] >= 0.0 else math.atan2(-dy, -dx)
     return headings
+
+
+@kernel
+def place_replayed(points, first, radius, time, discs):
+    """Writes x, y, radius (m) of k persons at `time` (s) to `discs` (k, 3); x and y are NaN while one is absent.
+
+    `points` (m, 3): recorded t, x, y of all, concatenated; those of person k are `first[k]` .. `first[k + 1] - 1`.
+    """
+    for k in range(radius.shape[0]):
+        low, high = first[k], first[k + 1] - 1
+        discs[k, 0], discs[k, 1], discs[k, 2] = math.nan, math.nan, radius[k]
+        if time < points[low, 0] or time > points[high, 0]:
+            continue
+        while high - low > 1:
+            middle = (low + high) // 2
+            if points[middle, 0] <= time:
+                low = middle
+            else:
+                high = middle
+        span = points[high, 0] - points[low, 0]
+        share = (time - points[low, 0]) / span if span > 0.0 else 0.0
+        discs[k, 0] = points[low, 1] + share * (points[high, 1] - points[low, 1])
+        discs[k, 1] = points[low, 2] + share * (points[high, 2] - points[low, 2])
 
 
 class Mover(Protocol):
@@ -146,19 +169,39 @@ class TrackedDiscs:
         )
 
 
+class Replays:
+    """Persons at recorded positions, all placed in one pass."""
+
+    def __init__(self, shapes: Sequence[Shape]) -> None:
+        """`shapes`: discs with the motion of a replay."""
+        points = [shape.motion.points for shape in shapes if isinstance(shape.motion, ReplayMotion)]
+        self._points = np.concatenate([np.empty((0, 3)), *(np.array(each, np.float64) for each in points)])
+        self._first = np.cumsum([0, *(len(each) for each in points)], dtype=np.int64)
+        self._radius = np.array([shape.radius for shape in shapes], np.float64)
+
+    def discs(self, time: float) -> NDArray[np.float64]:
+        """(k, 3) x, y, radius in the map (m) at `time` (s); NaN while absent."""
+        discs = np.empty((len(self._radius), 3))
+        place_replayed(self._points, self._first, self._radius, float(time), discs)
+        return discs
+
+
 _NO_DISCS: Final = np.empty((0, 3))
 
 
 class TimedShapes:
-    """Discs and polygons on tracks, and the shapes of `SINGLY_MOVED`, all placed in one pass. Their poses depend on time only."""
+    """Shapes on tracks, replayed persons and the shapes of `SINGLY_MOVED`. Their poses depend on time only."""
 
     def __init__(self, shapes: Sequence[Shape]) -> None:
         """Selects the moving shapes among `shapes`; `discs` and `polygons` list them in the order of `at`."""
-        self.discs = [s for s in shapes if isinstance(s.motion, OnTrack) and s.radius is not None]
+        self._on_tracks = [s for s in shapes if isinstance(s.motion, OnTrack) and s.radius is not None]
+        self.replayed = [s for s in shapes if isinstance(s.motion, ReplayMotion)]
+        self.discs = [*self._on_tracks, *self.replayed]
         on_track = [s for s in shapes if isinstance(s.motion, OnTrack) and s.radius is None]
         self._singly = [SINGLY_MOVED[type(s.motion)](s) for s in shapes if type(s.motion) in SINGLY_MOVED]
         self.polygons = [*on_track, *(moved.shape for moved in self._singly)]
-        on_tracks = [*self.discs, *on_track]
+        self._replays = Replays(self.replayed)
+        on_tracks = [*self._on_tracks, *on_track]
         self._tracked = TrackedDiscs([_track(shape) for shape in on_tracks])
         motions = [shape.motion for shape in on_tracks if isinstance(shape.motion, OnTrack)]
         self._along = np.array([motion.heading == "along" for motion in motions], np.bool_)
@@ -177,10 +220,12 @@ class TimedShapes:
         """Returns all of them at `time` (s)."""
         poses = self._poses_on_tracks(time)
         discs = _NO_DISCS
-        count = len(self.discs)
+        count = len(self._on_tracks)
         if count:
             discs = poses[:count].copy()
-            discs[:, 2] = [shape.radius for shape in self.discs]
+            discs[:, 2] = [shape.radius for shape in self._on_tracks]
+        if self.replayed:
+            discs = np.concatenate((discs, self._replays.discs(time)))
         poses = np.concatenate((poses[count:], np.array([moved.pose(time) for moved in self._singly]).reshape(-1, 3)))
         corners, circles = place_polygons(self._outlines, self._first, self._centers, poses)
         return Solids(discs, circles, corners, self._first, self._tops)

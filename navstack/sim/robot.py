@@ -44,6 +44,7 @@ from navstack.sim.crowd import Crowd
 from navstack.sim.docks import Docks
 from navstack.sim.estimation import Estimation, Localization
 from navstack.sim.sensors import SensorSuite
+from navstack.sim.shapes import ReplayMotion
 from navstack.sim.solids import Solids, concatenate_solids
 from navstack.sim.world import World
 
@@ -475,7 +476,7 @@ class SimulatedRobot:
         camera = self.params.camera(name or names[0])
         if width is not None:
             camera = camera.of_width(width)
-        people = 0 if self._crowd is None else len(self.world.people)
+        people = len(self.world.persons)
         return Camera(camera).image(self.world, self.pose, self.time, self._solids, people)
 
     # --- true state ---------------------------------------------------------------------------------------------------
@@ -514,6 +515,37 @@ class SimulatedRobot:
     def solids(self) -> Solids:
         """All obstacles that are not on the map at the current step, pedestrians last among the discs (m, map frame)."""
         return self._solids
+
+    @property
+    def people(self) -> NDArray[np.float64]:
+        """(p, 2) positions of `World.persons` at the current step (m, map frame); NaN while one is absent. Read-only."""
+        discs = self._solids.discs
+        return discs[len(discs) - len(self.world.persons) :, :2]
+
+    @property
+    def groups(self) -> NDArray[np.int32]:
+        """(p,) number of the group of each person, -1 without one."""
+        replayed = np.full(len(self.world.replayed), -1, np.int32)
+        return replayed if self._crowd is None else np.concatenate((replayed, self._crowd.groups))
+
+    def walks(self) -> NDArray[np.float64]:
+        """(p, 3) per person the time of its first arrival at a goal (s; inf: none), and how much longer it took to its last goal
+        than in the same run without the robot: time (s) and path (m); NaN if unknown. The people walk that run now.
+        """
+        walks = np.full((len(self.world.persons), 3), math.nan)
+        replayed, crowd = self.world.replayed, self._crowd
+        ends = [shape.motion.points[-1][0] for shape in replayed if isinstance(shape.motion, ReplayMotion)]
+        walks[: len(replayed), 0] = [end if end <= self.time else math.inf for end in ends]
+        if crowd is None:
+            return walks
+        walks[len(replayed) :, 0] = crowd.first_arrivals
+        if not crowd.notice_robot:
+            walks[len(replayed) :, 1:] = np.where(crowd.arrivals > 0, 0.0, math.nan)[:, None]
+        elif crowd.is_original:
+            alone = self.world.crowd_without_robot(self._seed, crowd.arrivals, self._step, self._frequency)
+            assert alone is not None
+            walks[len(replayed) :, 1:] = crowd.delays(alone)
+        return walks
 
     @property
     def clearance(self) -> float:

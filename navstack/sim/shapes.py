@@ -114,10 +114,15 @@ class DoorMotion(ParamModel):
         return self
 
 
-class PedestrianMotion(ParamModel):
-    """A pedestrian who walks from goal to goal and avoids walls, other pedestrians and the robot (social force model).
+ORCA_PARAMETERS: Final = ("neighbor_distance", "max_neighbors", "time_horizon", "time_horizon_obstacles")
+"""Parameters of a pedestrian that only ORCA has."""
 
-    Formulas and defaults: D. Helbing, P. Molnár, "Social force model for pedestrian dynamics", Phys. Rev. E 51 (1995).
+
+class PedestrianMotion(ParamModel):
+    """A pedestrian who walks from goal to goal and avoids walls, other pedestrians and the robot.
+
+    Social forces: D. Helbing, P. Molnár, "Social force model for pedestrian dynamics", Phys. Rev. E 51 (1995). ORCA: J. van den
+    Berg et al., "Reciprocal n-body collision avoidance", ISRR 2009. Groups: M. Moussaïd et al., PLoS ONE 5 (2010).
     """
 
     kind: Literal["pedestrian"] = param("pedestrian", "motion: walks")
@@ -132,6 +137,23 @@ class PedestrianMotion(ParamModel):
     notices_robot: bool = param(True, "false: ignores the robot")
     goal_radius: float = param(0.3, "distance at which a goal is reached", unit="m", gt=0.0)
     pause: float = param(0.0, "pause at each goal", unit="s", ge=0.0)
+    model: Literal["social_force", "orca"] = param(
+        "social_force", "social_force: is pushed away; orca: takes a velocity that collides with nobody (ORCA)"
+    )
+    group: str = param("", "name of the group that it stays with")
+    neighbor_distance: float = param(
+        10.0, "orca: distance of the centers within which other pedestrians are avoided", unit="m", gt=0.0
+    )
+    max_neighbors: int = param(10, "orca: number of pedestrians that are avoided: the nearest ones", ge=0)
+    time_horizon: float = param(5.0, "orca: time without a collision with others", unit="s", gt=0.0)
+    time_horizon_obstacles: float = param(2.0, "orca: time without a collision with walls", unit="s", gt=0.0)
+
+    @model_validator(mode="after")
+    def _matches_model(self) -> PedestrianMotion:
+        given = [name for name in ORCA_PARAMETERS if getattr(self, name) != type(self).model_fields[name].default]
+        if self.model != "orca" and given:
+            raise ValueError(f"the social force model has no {given[0]}; remove it, or write model: orca")
+        return self
 
     @field_validator("goals")
     @classmethod
@@ -141,7 +163,30 @@ class PedestrianMotion(ParamModel):
         return value
 
 
-_AnyMotion = Still | OnTrack | DoorMotion | PedestrianMotion
+class ReplayMotion(ParamModel):
+    """A person whose positions were recorded: walks straight from one to the next, and is absent before and after them.
+
+    In a scenario file, `file` instead of `points` names a CSV file with the columns t, id, x, y (s, m), as the data sets of ETH
+    and UCY are published; each person in it becomes a shape, or only `person`.
+    """
+
+    kind: Literal["replay"] = param("replay", "motion: walks as recorded")
+    points: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = param(
+        ..., "positions [t, x, y] in the map in the order of their times, s and m; at least one"
+    )
+
+    @field_validator("points")
+    @classmethod
+    def _in_order(cls, value: list[list[float]]) -> list[list[float]]:
+        if not value:
+            raise ValueError("points is empty; give at least one position [t, x, y], or a file")
+        for (before, _, _), (time, _, _) in itertools.pairwise(value):
+            if not before < time:
+                raise ValueError(f"points has the time {time:g} s after {before:g} s; sort them, one for each time")
+        return value
+
+
+_AnyMotion = Still | OnTrack | DoorMotion | PedestrianMotion | ReplayMotion
 Motion = Annotated[_AnyMotion, Field(discriminator="kind")]
 MOTIONS: Final[dict[str, type[ParamModel]]] = {m.model_fields["kind"].default: m for m in get_args(_AnyMotion)}
 """`kind` of a shape's motion -> its model."""
@@ -163,7 +208,7 @@ class Shape(ParamModel):
     height: float | None = param(
         None, "a lidar or sonar mounted higher does not see it; none: always seen", unit="m", gt=0.0
     )
-    motion: Motion = param(Still(), "still, track, door or pedestrian, with its parameters")
+    motion: Motion = param(Still(), "still, track, door, pedestrian or replay, with its parameters")
 
     @field_validator("box")
     @classmethod
@@ -210,7 +255,7 @@ class Shape(ParamModel):
             raise ValueError(
                 f"a {outlines[0].replace('radius', 'disc')} has no thickness, only a segment has; remove it"
             )
-        if isinstance(self.motion, PedestrianMotion) and self.radius is None:
+        if isinstance(self.motion, PedestrianMotion | ReplayMotion) and self.radius is None:
             raise ValueError("a pedestrian is a disc; give it a radius (typically 0.25 m)")
         if isinstance(self.motion, DoorMotion):
             if self.radius is not None:

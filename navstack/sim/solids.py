@@ -30,7 +30,7 @@ class Solids(NamedTuple):
     """
 
     discs: NDArray[np.float64]
-    """(k, 3) x, y, radius."""
+    """(k, 3) x, y, radius; x and y are NaN while a disc is absent."""
     circles: NDArray[np.float64]
     """(p, 3) x, y, radius of a bounding circle of each polygon."""
     corners: NDArray[np.float64]

@@ -20,6 +20,9 @@ from navstack.sim.solids import Solids, concatenate_solids, pack_outlines, place
 OCCUPIED = 100
 """Cells of a map with at least this value are walls; the static layer's default lethal threshold."""
 
+FAR_M = 1e6
+"""Coordinate of a place from where a robot has no influence (m)."""
+
 _POINT = np.zeros((1, 2))
 
 
@@ -61,6 +64,9 @@ class World:
         self._is_timed = bool(self.movers) or len(self._timed) > 0
         self.moves = self._is_timed or bool(self.people)
         """True if any obstacle moves."""
+        self.replayed = self._timed.replayed
+        self.persons = [*self.replayed, *self.people]
+        """All persons, in their order among the discs of the simulated robot, where they are the last."""
         self._still = [shape for shape in shapes if isinstance(shape.motion, Still)]
         self._shape_solids = _static_solids(self._still)
         self._solids = self._with_static(_checked_discs(discs))
@@ -105,6 +111,22 @@ class World:
     def crowd(self, seed: int, before: Crowd | None = None) -> Crowd | None:
         """Returns the pedestrians at the start of a run with this seed, None if there are none; those in `before` continue."""
         return Crowd(self.people, seed, before) if self.people else None
+
+    def crowd_without_robot(self, seed: int, arrivals: NDArray[np.int64], steps: int, frequency: float) -> Crowd | None:
+        """Returns the pedestrians of a run with this seed without a robot, each with this number of `arrivals` (p,), if it has
+        them within twice the `steps` of physics at the `frequency` (Hz).
+        """
+        crowd = self.crowd(seed)
+        if crowd is None:
+            return None
+        crowd.count_arrivals(arrivals)
+        nowhere = np.array([FAR_M, FAR_M, 0.0, 0.0, 0.0])
+        for step in range(1, 2 * steps + 1):
+            solids = self.solids_at(step / frequency)
+            crowd.step(1.0 / frequency, self.squares, self.grid, solids, nowhere)
+            if step % 50 == 0 and (crowd.arrivals >= arrivals).all():
+                break
+        return crowd
 
     def put_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
         """Replaces the static discs, except low discs and shapes: moves obstacles step by step."""

@@ -42,7 +42,20 @@ MEASURES: Final = (
     Measure("turning_s", "turning in place (s)", 1, -1),
     Measure("recoveries", "recoveries", 2, -1, both_succeed=False),
     Measure("collisions", "collisions", 2, -1, both_succeed=False),
+    Measure("distance_min_m", "minimum distance of people (m)", 3, +1, both_succeed=False),
+    Measure("space_compliance", "share of time within 0.5 m of people", 3, -1, both_succeed=False),
+    Measure("discomfort", "share of time within 0.2 m of people", 3, -1, both_succeed=False),
+    Measure("personal", "share of time in personal space", 3, -1, both_succeed=False),
+    Measure("time_to_collision_min_s", "minimum time to collision (s)", 2, +1, both_succeed=False),
+    Measure("contacts_by_robot", "contacts by the robot", 2, -1, both_succeed=False),
+    Measure("contacts_by_people", "contacts by people", 2, -1, both_succeed=False),
+    Measure("path_efficiency", "driven / planned length", 3, -1),
+    Measure("spl", "success weighted by path length", 3, +1, both_succeed=False),
+    Measure("social_work", "social work (m/s)", 2, -1),
+    Measure("disturbance_s", "delay of people (s)", 2, -1, both_succeed=False),
+    Measure("disturbance_m", "detour of people (m)", 2, -1, both_succeed=False),
 )
+"""Those of people exist only in runs among people."""
 _FEW_SCENARIOS: Final = 10
 _SCENARIO_COLUMNS: Final = (
     Column("scenario", "scenario"),
@@ -94,6 +107,7 @@ class ComparedScenario:
         ends = [goal.state for goal in result.goals if not goal.succeeded]
         missed = [condition.text for condition in result.conditions if not condition.holds]
         metrics = result.metrics.as_dict()
+        metrics |= metrics.get("social", {})
         return {
             "success": result.succeeded,
             "ended": "; ".join(missed) or " ".join(ends),

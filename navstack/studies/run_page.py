@@ -212,6 +212,8 @@ def _metrics(metrics: RunMetrics) -> Iterator[str]:
         ("standing", f"{metrics.standing_s:.1f} s"),
         ("jerk, root mean square", f"{metrics.jerk_rms_m_s3:.2f} m/s³"),
     )
+    if metrics.social is not None:
+        shown += metrics.social.shown()
     yield f"<div class=scroll>{Table('', columns, [{'name': n, 'value': v} for n, v in shown]).html()}</div>"
 
 

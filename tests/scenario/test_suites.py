@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from navstack.cli.app import run
 from navstack.core import InputError
 from navstack.scenario import ScenarioSpec, load_suite, random_maps, suite_names
+from navstack.sim import PedestrianMotion
 
 
 def contents(specs: list[ScenarioSpec]) -> list[object]:
@@ -18,13 +20,39 @@ def contents(specs: list[ScenarioSpec]) -> list[object]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["office", "narrow", "crowd", "warehouse"])
+@pytest.mark.parametrize("name", ["office", "narrow", "crowd", "warehouse", "circle_crossing"])
 def test_a_suite_is_the_same_every_time_and_splits_by_number(name: str) -> None:
     whole = load_suite(name, count=6)
     assert contents(load_suite(name, count=6)) == contents(whole)
     train, held_out = load_suite(name, split="train", count=3), load_suite(name, split="held_out", count=3)
     assert contents(train) == contents(whole)[0::2] and contents(held_out) == contents(whole)[1::2]
-    assert len({s.name for s in whole}) == 6 and len({s.start for s in whole}) > 1
+    assert len({s.name for s in whole}) == 6
+    assert len({s.start for s in whole}) > 1 or name == "circle_crossing"
+
+
+def test_the_crossings_are_those_of_crowdnav() -> None:
+    """500 cases; in each, people start apart near a circle of 4 m and walk through its center, and the robot across."""
+    whole = load_suite("circle_crossing")
+    assert len(whole) == 500
+    assert len(load_suite("circle_crossing", split="held_out")) == 250
+    for spec in whole[::25]:
+        assert spec.start is not None
+        ends = [(spec.start.x, spec.start.y), (spec.goals[0].x, spec.goals[0].y)]
+        assert ends == [(0.0, -4.0), (0.0, 4.0)]
+        assert len(spec.shapes) == 5
+        for shape in spec.shapes:
+            assert isinstance(shape.motion, PedestrianMotion)
+            at, goal = shape.pose[:2], shape.motion.goals[0]
+            assert goal == [-at[0], -at[1]]
+            assert 4.0 - math.sqrt(0.5) <= math.hypot(*at) <= 4.0 + math.sqrt(0.5)
+            assert min(math.dist(at, end) for end in ends) >= 0.8
+            assert shape.motion.model == "orca"
+            assert not shape.motion.notices_robot
+            ends += [(at[0], at[1]), (goal[0], goal[1])]
+    # the first draw of case 0: seed 1000
+    angle, x, y = np.random.RandomState(1000).random_sample(3)
+    expected = 4 * math.cos(angle * 2 * math.pi) + x - 0.5, 4 * math.sin(angle * 2 * math.pi) + y - 0.5
+    assert tuple(whole[0].shapes[0].pose[:2]) == pytest.approx(expected)
 
 
 @pytest.mark.slow
@@ -55,7 +83,7 @@ def test_unknown_suites_are_rejected() -> None:
         load_suite("office", count=0)
     with pytest.raises(InputError, match=r'unknown split "test"; known splits: train, held_out, all'):
         load_suite("office", split="test")  # pyright: ignore[reportArgumentType]
-    assert suite_names() == ["barn", "crowd", "narrow", "office", "shipped", "warehouse"]
+    assert suite_names() == ["barn", "circle_crossing", "crowd", "narrow", "office", "shipped", "warehouse"]
 
 
 @pytest.mark.parametrize("seed", range(30))

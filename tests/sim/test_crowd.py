@@ -6,11 +6,21 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, Pose2D, Twist2D
 from navstack.sim import PedestrianMotion, Shape, SimParams, SimulatedRobot, World
-from navstack.sim.crowd import push_from_other, push_from_wall
+from navstack.sim.crowd import (
+    BEHIND,
+    BODY,
+    SIGHT,
+    add_social_forces,
+    people_within,
+    push_from_other,
+    push_from_wall,
+)
 from tests.sim.worlds import ascii_map
 
 CIRCLE = Footprint.from_radius(0.18)
@@ -64,6 +74,43 @@ def test_forces_are_the_gradients_of_the_paper_s_potentials() -> None:
     assert push_from_wall(0.5, 0.0, 0.0, 0.3, 0.4) == pytest.approx(
         (0.6 * 50 * math.exp(-2.5), 0.8 * 50 * math.exp(-2.5))
     )
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.floats(1.0, 30.0))
+def test_forces_equal_a_plain_loop_over_all_people(seed: int, people: int, side: float) -> None:
+    """To the bit, although only those in sight are visited and few need the size of their force."""
+    rng = np.random.default_rng(seed)
+    shapes = [walker(*rng.uniform(0, side, 2), (0.0, 0.0), radius=rng.uniform(0.15, 0.5)) for _ in range(people)]  # pyright: ignore
+    crowd = World(None, shapes=shapes).crowd(0)
+    assert crowd is not None
+    crowd._people["vx"], crowd._people["vy"] = rng.normal(0.0, 0.8, (2, people))
+    before, own = crowd._people, crowd._settings
+    angle = rng.uniform(-math.pi, math.pi)
+    ex, ey = math.cos(angle), math.sin(angle)
+    if rng.random() < 0.3:  # exactly at the border of the field of view
+        k = int(rng.integers(people))
+        force = push_from_other(*(before[0][a] - before[k][a] for a in ("x", "y", "vx", "vy")), 0.0)
+        turn = math.atan2(force[1], force[0]) + math.acos(-SIGHT)
+        ex, ey = math.cos(turn), math.sin(turn)
+    robot = np.array([*rng.uniform(0, side, 2), 0.3, 0.1, 0.2])
+    for k in range(people):
+        ax, ay = 0.3, -0.2
+        for j in range(people + 1):
+            if j == k:
+                continue
+            other = [*robot] if j == people else [before[j][a] for a in ("x", "y", "vx", "vy")] + [own[j]["radius"]]
+            x, y, vx, vy, radius = (float(value) for value in other)
+            extra = radius + float(own[k]["radius"]) - 2.0 * BODY
+            fx, fy = push_from_other(float(before[k]["x"]) - x, float(before[k]["y"]) - y, vx, vy, extra)
+            if -(ex * fx + ey * fy) < SIGHT * math.hypot(fx, fy):
+                fx, fy = BEHIND * fx, BEHIND * fy
+            ax, ay = ax + fx, ay + fy
+        near = np.empty(people + 1, np.int64)
+        reach = 5.0 + 2.0 * 0.5 - 2.0 * BODY + 1e-9
+        x, y = float(before[k]["x"]), float(before[k]["y"])
+        count = people_within(before["x"].copy(), before["y"].copy(), x, y, reach, near)
+        assert add_social_forces(before, own, k, near, count, ex, ey, robot, 0.3, -0.2) == (ax, ay)
 
 
 def test_two_pedestrians_pass_each_other() -> None:

@@ -195,6 +195,30 @@ def test_disc_in_closed_form() -> None:
     assert np.isfinite(ranges).sum() == 111  # asin(1/6) = 0.167 rad on either side
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_discs_are_seen_as_if_every_beam_were_tested_against_every_disc(seed: int) -> None:
+    """To the bit, although only the beams between the tangents are tested: small, large, near and distant discs, any lidar."""
+    rng = np.random.default_rng(seed)
+    where, radii = rng.uniform(-12.0, 12.0, (150, 2)), np.exp(rng.uniform(math.log(1e-4), math.log(2.0), 150))
+    away = np.hypot(*where.T)
+    discs = np.column_stack((where, radii))[away > radii]
+    near = away[away > radii].argmin()
+    discs[near, 2] = np.hypot(*discs[near, :2]) * (1.0 - 1e-9)  # all but touches the lidar
+    beams = int(rng.integers(2, 900))
+    params = LidarParams(
+        x=0.0, y=0.0, yaw=0.0, beams=beams, fov=rng.uniform(0.01, 2 * math.pi), range_min=0.0, range_max=30.0
+    )
+    lidar = Lidar(params, seed=0, number=0)
+    ranges = lidar.scan(World(None, discs), Pose2D(0.0, 0.0, 0.0), 0, 0.0).ranges
+    angles = params.angle_min + params.angle_increment * np.arange(beams)
+    along = discs[:, 0] * np.cos(angles)[:, None] + discs[:, 1] * np.sin(angles)[:, None]
+    left = discs[:, 2] ** 2 - (discs[:, 0] ** 2 + discs[:, 1] ** 2 - along * along)
+    hits = (left >= 0.0) & (along > 0.0)
+    exact = np.where(hits, along - np.sqrt(np.where(hits, left, 0.0)), np.inf).min(axis=1)
+    assert np.isfinite(exact).any()
+    assert (ranges == exact.astype(np.float32)).all()
+
+
 def test_a_full_circle_has_no_duplicate_direction() -> None:
     assert LidarParams(beams=360, fov=2 * math.pi).angle_increment == pytest.approx(math.radians(1))
     assert LidarParams(beams=720, fov=4.71238).angle_increment == pytest.approx(4.71238 / 719)

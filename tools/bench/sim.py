@@ -22,7 +22,12 @@ from navstack.sim import Lidar, LidarParams, SimParams, SimulatedRobot, Track, T
 
 WILLOW = "maps/turtlebot_apps__willow-2010-02-18-0.10/willow-2010-02-18-0.10.yaml"
 POSES = 200
-TARGETS_US = {"scan": 60.0, "scan among 2000 moving discs": 300.0, "0.2 s of physics": 100.0}
+TARGETS_US = {
+    "scan": 60.0,
+    "scan among 273 posts": 35.0,
+    "scan among 2000 moving discs": 300.0,
+    "0.2 s of physics": 100.0,
+}
 
 
 def best_us(work: Callable[[], object], runs: int = 7) -> float:
@@ -77,6 +82,15 @@ def main() -> None:
                 found.append(best_us(lambda lidar=lidar, pose=pose: lidar.scan(world, pose, 0, 0.0).ranges))
             world.put_discs(())
             rows.append((name, f"640 beams over {fov:.2f} rad, {reach:g} m", statistics.median(found)))
+
+    posts = np.column_stack((rng.uniform(-6.0, 6.0, (273, 2)), np.full(273, 0.075)))
+    among = World(None, posts)
+    free = [Pose2D(*pose) for pose in rng.uniform((-5.0, -5.0, -3.0), (5.0, 5.0, 3.0), (POSES, 3)).tolist()]
+    free = [pose for pose in free if among.clearance(pose) > 0.2]
+    for beams in (180, 640):
+        lidar = Lidar(LidarParams(beams=beams, fov=2.0 * math.pi, range_max=10.0), seed=0, number=0)
+        took = best_us(lambda lidar=lidar: [lidar.scan(among, pose, 0, 0.0).ranges for pose in free], 200)
+        rows.append(("scan among 273 posts", f"{beams} beams over 6.28 rad, 10 m", took / len(free)))
 
     footprint = Footprint.from_radius(0.18)
     for what, params in (

@@ -28,7 +28,11 @@ def compare(
     ] = None,
     suite: Annotated[
         str | None,
-        typer.Option("--suite", metavar="NAME", help="Packaged suite: office, narrow, crowd, warehouse or shipped."),
+        typer.Option(
+            "--suite",
+            metavar="NAME",
+            help="Packaged suite: office, narrow, crowd, warehouse, circle_crossing or shipped.",
+        ),
     ] = None,
     count: Annotated[
         int | None, typer.Option("--count", metavar="N", min=1, help="Number of scenarios of the suite.")

@@ -17,8 +17,8 @@ def controllers(
         list[str] | None,
         typer.Argument(
             metavar="[SUITE..]",
-            help="Packaged suites (office, narrow, crowd, warehouse, shipped), scenario files, folders of files, or a folder "
-            "with BARN worlds. Default: the first four.",
+            help="Packaged suites (office, narrow, crowd, warehouse, circle_crossing, shipped), scenario files, folders of "
+            "files, or a folder with BARN worlds. Default: the first four.",
         ),
     ] = None,
     controller: Annotated[

@@ -421,19 +421,35 @@ def without_loops(points: NDArray[np.float32], nx: int) -> NDArray[np.float32]:
     numbers = np.rint(points).astype(np.int64) @ np.array([1, nx])
     if len(numbers) < 3:
         return points
-    _, which = np.unique(numbers, return_inverse=True)
-    last = np.empty(len(numbers), np.int64)
-    last[which] = np.arange(len(numbers))  # of several visits to a cell the last one is stored
-    last = last[which]
-    entered = np.flatnonzero(np.diff(numbers, prepend=-1))
-    left = np.append(entered[1:], len(numbers)) - 1
-    returning = np.flatnonzero(last[entered] != left)
-    if not len(returning):
-        return points
     kept = np.ones(len(numbers), np.bool_)
-    end = 0
-    for i in entered[returning].tolist():
-        if i >= end:  # not within a loop that has been removed
-            end = int(last[i])
-            kept[i + 1 : end] = False
-    return points[kept]
+    return points[kept] if remove_loops(numbers, kept) else points
+
+
+@kernel
+def remove_loops(numbers, kept):
+    """Set `kept` (n,) to False in the loops of a path through the cells `numbers` (n,); return whether there are any."""
+    n = len(numbers)
+    size = 4
+    while size < 2 * n:
+        size *= 2
+    # a hash table with Knuth's multiplier (The Art of Computer Programming, vol. 3, 6.4)
+    cells, last = np.full(size, -1, np.int64), np.empty(size, np.int64)
+    place = np.empty(n, np.int64)
+    for i in range(n):
+        at = (numbers[i] * 2654435761 >> 16) & (size - 1)
+        while cells[at] >= 0 and numbers[cells[at]] != numbers[i]:
+            at = (at + 1) & (size - 1)
+        cells[at], last[at], place[i] = i, i, at  # of several visits to a cell the last one is stored
+    found = False
+    end = begin = 0
+    while begin < n:
+        left = begin
+        while left + 1 < n and numbers[left + 1] == numbers[begin]:
+            left += 1
+        visit = last[place[begin]]
+        if visit != left and begin >= end:  # a return, and not within a loop that has been removed
+            end = visit
+            kept[begin + 1 : end] = False
+            found = True
+        begin = left + 1
+    return found

@@ -13,7 +13,6 @@ from navstack.global_planner._search import wavefront as kernels
 from navstack.global_planner._search.base import Query, Route, Search, Unreachable
 from navstack.global_planner._search.best_first import UNLIMITED
 from navstack.global_planner._search.cells import Cell, WaveCosts, wave_costs
-from navstack.global_planner._search.plan_cache import CHUNK
 from navstack.global_planner._search.propagation import Propagation, SearchExhausted, WaveQuery, WaveRun
 from navstack.global_planner._search.traceback import Traceback
 from navstack.global_planner._search.wavefront import Guide, Wavefront
@@ -128,11 +127,13 @@ class GoalPotential:
         """Apply the changes of the costmap; return False if so much changed that rebuilding is faster."""
         assert self._costmap is not None
         old, new = self._costmap.data.reshape(-1), data.reshape(-1)
-        changed = _differing(old, new)
-        if changed.size == 0:
+        changed = np.empty(int(_MAX_CHANGES * old.size) + 1, np.int64)
+        count = kernels.differing(old, new, changed)
+        if count == 0:
             return True
-        if changed.size > _MAX_CHANGES * old.size:
+        if count > _MAX_CHANGES * old.size:
             return False
+        changed = changed[:count]
         before, after = old[changed], new[changed]
         old[changed] = after
         steps = np.where(costs.blocked, np.float32(np.inf), costs.steps)
@@ -143,12 +144,6 @@ class GoalPotential:
 def _largest_step(costs: WaveCosts) -> float:
     """Return the potential that it takes to enter the most expensive free cell."""
     return float(costs.steps[~costs.blocked].max(initial=0.0))
-
-
-def _differing(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Indices where two arrays (n,) differ."""
-    parts = [np.flatnonzero(a[i : i + CHUNK] != b[i : i + CHUNK]) + i for i in range(0, a.size, CHUNK)]
-    return np.concatenate(parts)
 
 
 def _slack(estimate: float, rise: float) -> float:

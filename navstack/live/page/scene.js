@@ -192,13 +192,14 @@ export class Scene {
   drawShapes(side) {
     side.movesNow = side.discs.length + side.polygons.length > 0 && side.shapes.some((s) => s.kind !== 'still');
     for (const shape of side.shapes) {
+      if (shape.kind === 'replay' && !side.discs.some((d) => d[0] === shape.name)) continue; // absent
       const name = shape.kind === 'still' || shape.kind === 'track' ? 'shapes' : 'people';
       this.layer(name, () => this.drawShape(this.outline(side, shape), shape.kind, shape.name === this.selected));
     }
   }
 
   drawShape(outline, kind, selected) {
-    const c = this.context, person = kind === 'pedestrian';
+    const c = this.context, person = kind === 'pedestrian' || kind === 'replay';
     c.beginPath();
     if (outline.circle) c.arc(...outline.circle, 0, 2 * Math.PI);
     else { outline.points.forEach((v, i) => i % 2 && (i === 1 ? c.moveTo(outline.points[0], v) : c.lineTo(outline.points[i - 1], v))); c.closePath(); }

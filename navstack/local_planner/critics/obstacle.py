@@ -24,8 +24,8 @@ from navstack.core import (
     Pose2D,
     describe_cost,
     edge_cost,
-    footprint_overlaps_lethal,
     overlaps_cell,
+    place_footprint,
     plain_kernel,
 )
 from navstack.local_planner.map_grid import RosDistro
@@ -277,6 +277,41 @@ def highest_around(costs, x0, y0, x1, y1, reach, rows, out):
 
 
 @plain_kernel
+def write_lethal_ahead(costs, x0, y0, x1, y1, margin, out):
+    """Write to `out` (ny, nx) how many cells there are to the next lethal one with a larger x; 255: at least so many.
+
+    For the cells x0 <= ix < x1, y0 <= iy < y1 and `margin` cells around them; lethal cells beyond do not count.
+    """
+    ny, nx = costs.shape
+    for iy in range(max(y0 - margin, 0), min(y1 + margin, ny)):
+        ahead = 255
+        for ix in range(min(x1 + margin, nx) - 1, max(x0 - margin, 0) - 1, -1):
+            ahead = 0 if costs[iy, ix] == 254 else min(ahead + 1, 255)
+            out[iy, ix] = ahead
+
+
+@plain_kernel
+def overlaps_lethal_ahead(lethal, placed):
+    """Return True if a polygon overlaps a lethal cell. `lethal`: see `write_lethal_ahead`; `placed` (2, n): corners in cells.
+
+    The cells of the rectangle around the polygon, but only lethal ones are visited: most rows have none.
+    """
+    left, right, low, high = placed[0, 0], placed[0, 0], placed[1, 0], placed[1, 0]
+    for j in range(1, placed.shape[1]):
+        left, right = min(left, placed[0, j]), max(right, placed[0, j])
+        low, high = min(low, placed[1, j]), max(high, placed[1, j])
+    last = np.int64(right)
+    for iy in range(np.uint64(low), np.uint64(high) + np.uint64(1)):
+        ix = np.int64(left)
+        while ix <= last:
+            ahead = np.int64(lethal[iy, np.uint64(ix)])
+            if ahead == 0 and overlaps_cell(placed, ix, np.int64(iy)):
+                return True
+            ix += max(ahead, 1)
+    return False
+
+
+@plain_kernel
 def obstacle_scores(
     costs,
     grid,
@@ -324,6 +359,7 @@ def obstacle_scores(
         highest_around(costs, x0, y0, x1, y1, radius, bounds[2], bounds[grown])
     flat, flat_bounds = costs.reshape(ny * nx), bounds.reshape(BOUND_GRIDS, ny * nx)
     number = len(vertices)
+    has_lethal = False  # whether bounds[2] tells where the lethal cells are: not needed in the open
     corners, placed = scratch[0:2], scratch[2:4]
     corner_cells = scratch[4].view(np.int32).reshape(2, number)
     # all rollouts begin at the robot's pose: its cost is kept for the next row of the same scale
@@ -361,10 +397,11 @@ def obstacle_scores(
                 else:
                     cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, corner_cells)
                     if bound >= 254 and cost < 254:
-                        lethal = footprint_overlaps_lethal(
-                            costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed
-                        )
-                        cost = np.int64(254) if lethal else cost
+                        if not has_lethal:
+                            write_lethal_ahead(costs, x0, y0, x1, y1, math.ceil(reach * largest) + 1, bounds[2])
+                            has_lethal = True
+                        place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
+                        cost = np.int64(254) if overlaps_lethal_ahead(bounds[2], placed) else cost
                     if i == 0:
                         start_x, start_y, start_yaw, start_scale, start_cost = x, y, yaw, scale, cost
             if cost >= 254 and step < 0:
