@@ -1,6 +1,7 @@
 """Gymnasium environments on the simulator: learn to control a robot, to tune its planner, to correct its commands.
 
-`import navstack.gym` registers `navstack/LocalControl-v0`; it needs the extra `gym`.
+`import navstack.gym` registers `navstack/LocalControl-v0`, `navstack/PlannerParams-v0` and `navstack/Residual-v0`; it needs the
+extra `gym`.
 """
 
 from typing import TYPE_CHECKING
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from navstack.gym.local_control import LocalControlEnv as LocalControlEnv
     from navstack.gym.local_control import LocalControlVectorEnv as LocalControlVectorEnv
     from navstack.gym.sb3 import StableBaselinesEnv as StableBaselinesEnv
+    from navstack.gym.stack import PlannerParamsEnv as PlannerParamsEnv
+    from navstack.gym.stack import ResidualEnv as ResidualEnv
     from navstack.gym.task import REWARDS as REWARDS
 else:
     from navstack._lazy import lazy_face

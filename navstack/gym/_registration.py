@@ -8,6 +8,8 @@ gymnasium = require("gymnasium", "navstack.gym")
 
 _MODULES = {
     "LocalControl": ("local_control:LocalControlEnv", "local_control:LocalControlVectorEnv"),
+    "PlannerParams": ("stack:PlannerParamsEnv", ""),
+    "Residual": ("stack:ResidualEnv", ""),
 }
 
 

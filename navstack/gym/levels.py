@@ -109,7 +109,9 @@ def read_levels(
         whole = [level for item in source for level in _read(item, "all", None, seed, radius)]
         found = _of_split(whole, split, count)
     if not found:
-        raise InputError(f"{source!r} has no level in the split {split}; use split='all'", levels=str(source), split=split)
+        raise InputError(
+            f"{source!r} has no level in the split {split}; use split='all'", levels=str(source), split=split
+        )
     return found
 
 
@@ -145,7 +147,11 @@ def _read(source: Levels, split: str, count: int | None, seed: int, radius: floa
         return [scenario_level(read_scenario(path), radius)]
     known = [BARN_NAME, *shipped_scenarios(), *suite_names(), *(f"map:{name}" for name in map_names())]
     close = nearest(text, known)
-    hint = f'did you mean "{close}"?' if close else f"known: {', '.join(known)}, scenario files, folders with {WORLDS_FILE}"
+    hint = (
+        f'did you mean "{close}"?'
+        if close
+        else f"known: {', '.join(known)}, scenario files, folders with {WORLDS_FILE}"
+    )
     raise InputError(f'unknown levels "{text}"; {hint}', levels=text, known=known)
 
 

@@ -134,7 +134,9 @@ class _Core:
     def set_weights(self, weights: Sequence[float]) -> None:
         """Set how often each level is drawn, in proportion. Raises InputError."""
         values = np.asarray(weights, np.float64)
-        if values.shape != (len(self.names),) or not (np.isfinite(values).all() and (values >= 0.0).all() and values.sum() > 0.0):
+        if values.shape != (len(self.names),) or not (
+            np.isfinite(values).all() and (values >= 0.0).all() and values.sum() > 0.0
+        ):
             raise InputError(f"give {len(self.names)} weights of at least 0, not all 0: one per level")
         self.simulation.cumulative[:] = np.cumsum(values)
 
@@ -202,9 +204,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         """Set how often each level is drawn from now on, in proportion (one weight per level)."""
         self._core.set_weights(weights)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode; `options={"level": NAME or NUMBER}` chooses its level."""
         super().reset(seed=seed)
         core = self._core
@@ -345,7 +345,9 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
         if seed is None and not core.is_reset:
             seed = int(np.random.SeedSequence().generate_state(1)[0])
         if seed is not None:
-            self._seed([seed + i for i in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else list(seed), mask)
+            self._seed(
+                [seed + i for i in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else list(seed), mask
+            )
         core.is_reset = True
         levels = options.get("level")
         if levels is not None:
@@ -362,7 +364,9 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _seed(self, seeds: Sequence[int | None], mask: NDArray[np.bool_]) -> None:
         if len(seeds) != self.num_envs:
-            raise InputError(f"{len(seeds)} seeds were given for {self.num_envs} environments; give one each, or a number")
+            raise InputError(
+                f"{len(seeds)} seeds were given for {self.num_envs} environments; give one each, or a number"
+            )
         for i, one in enumerate(seeds):
             if one is not None and mask[i]:
                 self._core.seed(i, int(one))
@@ -405,7 +409,12 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
                 final = np.full(self.num_envs, None, dtype=object)
                 for i in np.flatnonzero(ended).tolist():
                     final[i] = core.observation.of_row(outputs.last_observations[i].copy())
-                infos |= {"final_obs": final, "_final_obs": ended.copy(), "final_info": last, "_final_info": ended.copy()}
+                infos |= {
+                    "final_obs": final,
+                    "_final_obs": ended.copy(),
+                    "final_info": last,
+                    "_final_info": ended.copy(),
+                }
         return self._observations(), outputs.rewards.copy(), terminated, truncated, infos
 
     def _observations(self) -> Any:

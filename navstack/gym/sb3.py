@@ -76,7 +76,9 @@ class StableBaselinesEnv(_vec_env.VecEnv):
         del indices
         setattr(self.env, attr_name, value)
 
-    def env_method(self, method_name: str, *args: Any, indices: None | int | Iterable[int] = None, **kwargs: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *args: Any, indices: None | int | Iterable[int] = None, **kwargs: Any
+    ) -> list[Any]:
         """Call a method of the vector environment once."""
         result = getattr(self.env, method_name)(*args, **kwargs)
         return [result for _ in self._get_indices(indices)]

@@ -111,7 +111,10 @@ EPISODE: Final = np.dtype(
 )
 """Element type of the environments' state beside the body."""
 INFO: Final = np.dtype(
-    [(name, "f8") for name in ("time", "x", "y", "yaw", "clearance", "path_length", "min_clearance", "time_to_goal", "spl")]
+    [
+        (name, "f8")
+        for name in ("time", "x", "y", "yaw", "clearance", "path_length", "min_clearance", "time_to_goal", "spl")
+    ]
     + [("barn_score", "f8")]
     + [(name, "i8") for name in ("collisions", "outcome", "level", "number")],
     align=True,
@@ -627,7 +630,12 @@ def pack_robots(models: Sequence[RobotModel], period: float) -> Robots:
                 command_delay=params.command_delay,
             )
         root = math.sqrt(frequency)
-        slip = root * params.wheel_slip, root * params.odometry_noise, params.wheel_slip_turn, params.odometry_noise_turn
+        slip = (
+            root * params.wheel_slip,
+            root * params.odometry_noise,
+            params.wheel_slip_turn,
+            params.odometry_noise_turn,
+        )
         variant["slip"], variant["noisy"] = slip, any(slip)
         variant["uses_odometry"] = model.believed == "odometry"
         variant["position_noise"] = params.localization_noise

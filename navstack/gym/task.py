@@ -106,13 +106,17 @@ class ActionScale:
         if not (np.abs(values) <= 1.0 + 1e-6).all():
             bad = values[~(np.abs(values) <= 1.0 + 1e-6).all(axis=1)][0].tolist()
             problem = "is not finite" if not np.isfinite(bad).all() else "is outside [-1, 1]"
-            raise InputError(f"the action {[round(v, 4) for v in bad]} {problem}; clip or squash what the policy gives", action=bad)
+            raise InputError(
+                f"the action {[round(v, 4) for v in bad]} {problem}; clip or squash what the policy gives", action=bad
+            )
         return values
 
     def _read_discrete(self, actions: Any, number: int) -> NDArray[np.float64]:
         chosen = np.asarray(actions)
         if chosen.size != number or not np.issubdtype(chosen.dtype, np.integer):
-            raise InputError(f"the action {actions!r} is not one of the numbers 0 .. {len(DISCRETE) - 1}", action=str(actions))
+            raise InputError(
+                f"the action {actions!r} is not one of the numbers 0 .. {len(DISCRETE) - 1}", action=str(actions)
+            )
         chosen = chosen.reshape(number)
         if ((chosen < 0) | (chosen >= len(DISCRETE))).any():
             bad = int(chosen[(chosen < 0) | (chosen >= len(DISCRETE))][0])

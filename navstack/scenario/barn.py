@@ -98,9 +98,7 @@ def barn_scenarios(directory: Path | None) -> list[ScenarioSpec]:
         raise InputError(
             f"the suite barn needs the folder of the BARN worlds, which contains {WORLDS_FILE}", argument="directory"
         )
-    return [
-        barn_spec(world) for world in load_worlds(directory / WORLDS_FILE if directory.is_dir() else directory)
-    ]
+    return [barn_spec(world) for world in load_worlds(directory / WORLDS_FILE if directory.is_dir() else directory)]
 
 
 def barn_spec(world: BarnWorld) -> ScenarioSpec:
