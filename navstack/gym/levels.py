@@ -92,8 +92,8 @@ def read_levels(
         source: `barn` (worlds generated like those of BARN), the folder or file of BARN's `worlds.npz`, a suite, a scenario by
             name or file, `map:NAME` or `map:FILE.yaml` (random starts and goals on a map), worlds and scenarios as objects; or
             a list of these.
-        split: `train`: every second level from the first; `held_out`: the others; `all`.
-        count: number of levels of the split; needed where levels are generated (default: 16).
+        split: `train`: every second level of a named source from the first; `held_out`: the others; `all`.
+        count: number of levels of a named source; where they are generated, 16 by default.
         seed: of generated levels.
         radius: starts and goals drawn on a map, and paths, keep this distance (m) from obstacles.
 
@@ -103,15 +103,10 @@ def read_levels(
         raise InputError(f'unknown split "{split}"; known splits: {", ".join(SPLITS)}', split=split)
     if count is not None and count < 1:
         raise InputError(f"count is {count}; it must be at least 1", count=count)
-    if isinstance(source, (str, Path, ScenarioSpec, BarnWorld, Level)):
-        found = _read(source, split, count, seed, radius)
-    else:
-        whole = [level for item in source for level in _read(item, "all", None, seed, radius)]
-        found = _of_split(whole, split, count)
+    sources = [source] if isinstance(source, (str, Path, ScenarioSpec, BarnWorld, Level)) else list(source)
+    found = [level for item in sources for level in _read(item, split, count, seed, radius)]
     if not found:
-        raise InputError(
-            f"{source!r} has no level in the split {split}; use split='all'", levels=str(source), split=split
-        )
+        raise InputError(f"{source!r} has no level in the split {split}; use split='all'", split=split)
     return found
 
 
@@ -166,11 +161,9 @@ def scenario_level(spec: ScenarioSpec, radius: float = 0.2) -> Level:
             scenario=spec.name,
         )
     world = World(spec.map(), shapes=spec.shapes)
-    path = shortest_path(world, spec.start, spec.goals[0], radius)
+    path, length = _planned(world, spec.start, spec.goals[0], radius)
     limit = float(spec.values.get("time_limit_s", 60.0))
-    return Level(
-        spec.name, world, spec.start, spec.goals[0], length=_length(path), time_limit=limit, path=path, spec=spec
-    )
+    return Level(spec.name, world, spec.start, spec.goals[0], length=length, time_limit=limit, path=path, spec=spec)
 
 
 def map_levels(name: str, numbers: Sequence[int], seed: int, radius: float) -> list[Level]:
@@ -185,78 +178,102 @@ def map_levels(name: str, numbers: Sequence[int], seed: int, radius: float) -> l
     for number in numbers:
         rng = np.random.Generator(np.random.PCG64([seed, 41, number]))
         start, goal = space.draw_pair(rng, 2.0, math.inf)
-        path = shortest_path(world, start, goal, radius)
-        length = _length(path)
+        path, length = _planned(world, start, goal, radius)
         limit = max(30.0, 10.0 * length)
         spec = single_goal_spec(f"{file.stem} {number}", start, goal, limit, map_file=file)
         levels.append(Level(spec.name, world, start, goal, length=length, time_limit=limit, path=path, spec=spec))
     return levels
 
 
-def shortest_path(world: World, start: Pose2D, goal: Pose2D, radius: float) -> NDArray[np.float64]:
-    """Return (k, 2) points of a shortest path of a disc of `radius` (m) on a grid; a straight line if there is none."""
-    points = _path_on_grid(world, start, goal, radius)
-    return np.array([start[:2], goal[:2]]) if points is None else points
+class _Grid:
+    """Points of a grid over a world, with their clearance, joined in 8 directions where a disc of `radius` (m) fits."""
+
+    def __init__(self, world: World, ends: NDArray[np.float64], radius: float, half_width: float) -> None:
+        solids = world.solids_at(0.0)
+        round_ones = np.concatenate((solids.discs, solids.circles))
+        centers, extents = round_ones[:, :2], round_ones[:, 2:]
+        corners = [ends, centers - extents, centers + extents]
+        geometry = world.map.geometry
+        has_cells = bool((world.map.data >= OCCUPIED).any())
+        if has_cells:
+            low, size = np.array([geometry.origin_x, geometry.origin_y]), [geometry.width_m, geometry.height_m]
+            c, s = math.cos(world.map.origin_yaw), math.sin(world.map.origin_yaw)
+            box = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * size
+            corners.append(low + box @ np.array([[c, s], [-s, c]]))
+        box = np.concatenate(corners)
+        margin = 0.5 + 2.0 * radius  # a way around everything
+        low, high = box.min(axis=0) - margin, box.max(axis=0) + margin
+        low[0], high[0] = max(low[0], -half_width), min(high[0], half_width)
+        self.cell = cell = max(0.1, math.sqrt(float(np.prod(high - low)) / 60_000.0))
+        self.nx, self.ny = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
+        grid_x, grid_y = np.meshgrid(low[0] + cell * np.arange(self.nx), low[1] + cell * np.arange(self.ny))
+        self.points = np.column_stack((grid_x.ravel(), grid_y.ravel()))
+        clear = np.full(len(self.points), math.inf)
+        if has_cells or len(solids.circles):
+            nothing = np.empty((0, 3))
+            poses = np.column_stack((self.points, np.zeros(len(self.points))))
+            clear = world.clearances(poses, None, solids._replace(discs=nothing, tops=solids.polygon_tops))
+        for size in np.unique(solids.discs[:, 2]).tolist():
+            tree = cKDTree(solids.discs[solids.discs[:, 2] == size, :2])
+            clear = np.minimum(clear, tree.query(self.points)[0] - size)
+        self.clear, self.radius = clear, radius
+        self.free = np.flatnonzero(clear >= radius)
+
+    def nearest(self, point: NDArray[np.float64]) -> int:
+        """Return the number of the nearest point where the disc fits."""
+        return int(self.free[np.argmin(np.hypot(*(self.points[self.free] - point).T))])
+
+    def search(self, goal: int, factors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return costs to the goal (n,) and the next point on the way there (n,); `factors` (n,): cost of a meter."""
+        free = np.zeros(len(self.points), np.bool_)
+        free[self.free] = True
+        free = free.reshape(self.ny, self.nx)
+        index = np.arange(len(self.points)).reshape(self.ny, self.nx)
+        rows: list[NDArray[np.int64]] = []
+        columns: list[NDArray[np.int64]] = []
+        steps: list[NDArray[np.float64]] = []
+        for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
+            here = (slice(max(-dy, 0), self.ny - max(dy, 0)), slice(0, self.nx - dx))
+            there = (slice(max(dy, 0), self.ny + min(dy, 0)), slice(dx, self.nx))
+            both = free[here] & free[there]
+            rows.append(index[here][both])
+            columns.append(index[there][both])
+            steps.append(np.full(int(both.sum()), self.cell * math.hypot(dx, dy)))
+        row, column = np.concatenate(rows), np.concatenate(columns)
+        weights = np.concatenate(steps) * 0.5 * (factors[row] + factors[column])
+        graph = coo_matrix((weights, (row, column)), (len(self.points), len(self.points))).tocsr()
+        found = dijkstra(graph, directed=False, indices=goal, return_predecessors=True)
+        return found[0], found[1]
 
 
-def _path_on_grid(
+def plan_path(
     world: World, start: Pose2D, goal: Pose2D, radius: float, half_width: float = math.inf
-) -> NDArray[np.float64] | None:
-    """Return the path, None if there is none; `half_width`: largest distance (m) of its points from x = 0."""
+) -> tuple[NDArray[np.float64], float] | None:
+    """Return (k, 2) points of a path for a disc of `radius` (m), and the length of the shortest one; None if there is none.
+
+    The path keeps its distance from obstacles as navfn's plans do: a meter costs 1 + 4 exp(-5 (clearance - radius)), the costs
+    of ROS's inflation. `half_width`: largest distance (m) of its points from x = 0.
+    """
     ends = np.array([start[:2], goal[:2]])
-    solids = world.solids_at(0.0)
-    corners = [ends, solids.discs[:, :2], solids.circles[:, :2]]
-    geometry = world.map.geometry
-    if (world.map.data >= OCCUPIED).any():
-        reach = math.hypot(geometry.width_m, geometry.height_m)
-        low, high = np.array([geometry.origin_x, geometry.origin_y]), np.array([geometry.width_m, geometry.height_m])
-        corners.append(np.array([low, low + (high if world.map.origin_yaw == 0.0 else reach)]))
-    box = np.concatenate(corners)
-    low, high = box.min(axis=0) - 0.5, box.max(axis=0) + 0.5
-    low[0], high[0] = max(low[0], -half_width), min(high[0], half_width)
-    cell = max(0.1, math.sqrt(float(np.prod(high - low)) / 60_000.0))
-    nx, ny = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
-    grid_x, grid_y = np.meshgrid(low[0] + cell * np.arange(nx), low[1] + cell * np.arange(ny))
-    poses = np.zeros((nx * ny, 3))
-    poses[:, 0], poses[:, 1] = grid_x.ravel(), grid_y.ravel()
-    clear = np.full(len(poses), math.inf)
-    if len(corners) > 3 or len(solids.circles):
-        nothing = np.empty((0, 3))
-        clear = world.clearances(poses, None, solids._replace(discs=nothing, tops=solids.polygon_tops))
-    for size in np.unique(solids.discs[:, 2]).tolist():
-        tree = cKDTree(solids.discs[solids.discs[:, 2] == size, :2])
-        clear = np.minimum(clear, tree.query(poses[:, :2])[0] - size)
-    free = (clear >= radius).reshape(ny, nx)
-    index = np.arange(nx * ny).reshape(ny, nx)
-    rows: list[NDArray[np.int64]] = []
-    columns: list[NDArray[np.int64]] = []
-    weights: list[NDArray[np.float64]] = []
-    for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
-        here = (slice(max(-dy, 0), ny - max(dy, 0)), slice(0, nx - dx))
-        there = (slice(max(dy, 0), ny + min(dy, 0)), slice(dx, nx))
-        both = free[here] & free[there]
-        rows.append(index[here][both])
-        columns.append(index[there][both])
-        weights.append(np.full(int(both.sum()), cell * math.hypot(dx, dy)))
-    size = nx * ny
-    graph = coo_matrix((np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), (size, size))
-    free_points = np.flatnonzero(free)
-    if not len(free_points):
+    grid = _Grid(world, ends, radius, half_width)
+    if not len(grid.free):
         return None
-    nearest_cells = [free_points[np.argmin(np.hypot(*(poses[free_points, :2] - end).T))] for end in ends]
-    found = dijkstra(graph.tocsr(), directed=False, indices=int(nearest_cells[1]), return_predecessors=True)
-    distances, before = found[0], found[1]
-    if not np.isfinite(distances[nearest_cells[0]]):
+    first, last = grid.nearest(ends[0]), grid.nearest(ends[1])
+    distances, _ = grid.search(last, np.ones(len(grid.points)))
+    if not np.isfinite(distances[first]):
         return None
-    at, cells = int(nearest_cells[0]), list[int]()
+    _, following = grid.search(last, 1.0 + 4.0 * np.exp(-5.0 * np.maximum(grid.clear - radius, 0.0)))
+    at, cells = first, list[int]()
     while at >= 0:
         cells.append(at)
-        at = int(before[at])
-    return np.concatenate((ends[:1], poses[cells[1:-1], :2], ends[1:]))
+        at = int(following[at])
+    return np.concatenate((ends[:1], grid.points[cells[1:-1]], ends[1:])), float(distances[first])
 
 
-def _length(path: NDArray[np.float64]) -> float:
-    return float(np.hypot(*np.diff(path, axis=0).T).sum())
+def _planned(world: World, start: Pose2D, goal: Pose2D, radius: float) -> tuple[NDArray[np.float64], float]:
+    """As `plan_path`, the straight line if there is no path."""
+    found = plan_path(world, start, goal, radius)
+    return found if found is not None else (np.array([start[:2], goal[:2]]), start.distance_to(goal))
 
 
 # --- BARN -------------------------------------------------------------------------------------------------------------
@@ -281,9 +298,8 @@ def barn_level(world: BarnWorld) -> Level:
     """Return the level of a BARN world."""
     # without the empty map of the scenario, whose rays would have to cross it
     place = World(None, world.discs)
-    path = _path_on_grid(place, START, GOAL, ROBOT_HALF_WIDTH_M, HALF_WIDTH_M)
-    if path is None:
-        path = np.array([START[:2], GOAL[:2]])
+    found = plan_path(place, START, GOAL, ROBOT_HALF_WIDTH_M, HALF_WIDTH_M)
+    path = np.array([START[:2], GOAL[:2]]) if found is None else found[0]
     spec = barn_spec(world)
     length, limit = world.optimal_length_m, float(spec.values["time_limit_s"])
     return Level(spec.name, place, START, GOAL, BARN_TOLERANCE_M, math.inf, length, limit, path, spec)
@@ -296,14 +312,15 @@ def generated_barn_worlds(numbers: Sequence[int], seed: int = 0) -> list[BarnWor
 
 @lru_cache(maxsize=4096)
 def _generated_barn_world(number: int, seed: int) -> BarnWorld:
-    fill = FILLS[number % len(FILLS)]
-    smoothings = SMOOTHINGS[number // len(FILLS) % len(SMOOTHINGS)]
+    # pairs of numbers: both splits have every combination
+    fill = FILLS[number // 2 % len(FILLS)]
+    smoothings = SMOOTHINGS[number // (2 * len(FILLS)) % len(SMOOTHINGS)]
     rng = np.random.Generator(np.random.PCG64([seed, 40, number]))
     while True:
         discs = _cylinders(_smoothed(rng.random((CELLS, CELLS)) < fill, smoothings))
-        path = _path_on_grid(World(None, discs), START, GOAL, ROBOT_HALF_WIDTH_M, HALF_WIDTH_M)
-        if path is not None:
-            return BarnWorld(number, discs, _length(path))
+        found = plan_path(World(None, discs), START, GOAL, ROBOT_HALF_WIDTH_M, HALF_WIDTH_M)
+        if found is not None:
+            return BarnWorld(number, discs, found[1])
 
 
 def _smoothed(filled: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
@@ -326,11 +343,13 @@ def _smoothed(filled: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
 
 
 def _cylinders(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the discs (n, 3) of the filled cells and of the walls before the field (m)."""
+    """Return the discs (n, 3) of the filled cells, of the walls before the field and of the wall behind the start (m)."""
     column, row = np.nonzero(cells)
     left = -0.5 * CELL_M * (CELLS - 1)
     x, y = left + CELL_M * column, FIELD_Y_M + CELL_M * row
     before = np.arange(WALL_FROM_M, FIELD_Y_M - 0.5 * CELL_M, CELL_M)
-    walls = np.column_stack((np.repeat([left, -left], len(before)), np.tile(before, 2)))
-    centers = np.concatenate((np.column_stack((x, y)), walls))
+    sides = np.column_stack((np.repeat([left, -left], len(before)), np.tile(before, 2)))
+    across = left + CELL_M * np.arange(1, CELLS - 1)
+    behind = np.column_stack((across, np.full(len(across), WALL_FROM_M)))
+    centers = np.concatenate((np.column_stack((x, y)), sides, behind))
     return np.column_stack((centers, np.full(len(centers), 0.5 * CELL_M)))

@@ -225,7 +225,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
             core.check_open()
             raise InputError("the episode has ended or not begun; call reset() before step()")
         values = core.scale.read(action, 1)
-        core.run(self._step_todo, core.scale.velocities(values), values if core.repeated else values)
+        core.run(self._step_todo, core.scale.velocities(values), values)
         terminated, truncated = bool(self._terminated[0]), bool(self._truncated[0])
         self._needs_reset = terminated or truncated
         info = self._report()

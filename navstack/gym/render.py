@@ -56,9 +56,9 @@ class LevelPicture:
 
     def _begin(self, level: Level) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.collections import EllipseCollection, PolyCollection
+        from matplotlib.collections import PatchCollection, PolyCollection
         from matplotlib.figure import Figure
-        from matplotlib.patches import Polygon
+        from matplotlib.patches import Circle, Polygon
 
         self._level = level
         solids = level.world.solids_at(0.0)
@@ -83,13 +83,9 @@ class LevelPicture:
         axes.set_ylim(low[1], high[1])
         axes.set_axis_off()
         axes.add_collection(PolyCollection(list(cells), facecolors="0.2", edgecolors="none"))
-        diameters = 2.0 * solids.discs[:, 2]
-        discs = EllipseCollection(
-            diameters, diameters, np.zeros(len(diameters)), units="x", offsets=solids.discs[:, :2], facecolors="0.35"
+        axes.add_collection(
+            PatchCollection([Circle((x, y), r) for x, y, r in solids.discs.tolist()], facecolors="0.35")
         )
-        discs.set_transform(axes.transData)
-        discs.set_offset_transform(axes.transData)
-        axes.add_collection(discs)
         for k in range(len(solids.circles)):
             axes.add_patch(Polygon(solids.polygon(k), facecolor="0.35"))
         axes.plot(*level.goal[:2], marker="*", color="tab:green", markersize=14)

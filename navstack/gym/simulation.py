@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -40,7 +41,6 @@ VARIANT: Final = np.dtype(
         ("scan_delay", "i8"),  # physics steps from a scan to its arrival
         ("range_noise", "f8"),  # standard deviation of the ranges, m
         ("dropout", "f8"),  # share of lost beams
-        ("full_range", "f8"),  # value of a beam without a return, m
         ("command_delay", "i8"),  # physics steps
         ("slip", "f8", (4,)),  # errors of motion and odometry per step: relative, relative, rad/sqrt(m), rad/sqrt(m)
         ("noisy", "?"),  # any of these errors is not zero
@@ -475,7 +475,6 @@ def step_environment(i, batch, robots, worlds, levels, task, command, action, ou
     info = outputs.infos[i]
     episode, state, body = batch.episodes[i], batch.states[i], batch.bodies[i]
     level = levels[info.level]
-    variant = robots.variants[episode.variant]
     for k in range(episode.given.shape[0] - 1, 2, -1):
         episode.given[k] = episode.given[k - 3]
     for k in range(3):
@@ -597,7 +596,7 @@ def pack_worlds(worlds: Sequence[World]) -> Worlds:
     return Worlds(places, np.array([world.grid for world in worlds]), *joined)  # pyright: ignore[reportArgumentType]
 
 
-def pack_robots(models: Sequence[RobotModel], period: float) -> Robots:
+def pack_robots(models: Sequence[RobotModel], period: float, clip: float) -> Robots:
     """Return the arrays of the robots. Raises InputError for what the environments do not simulate."""
     variants = np.zeros(len(models), VARIANT)
     outlines: list[NDArray[np.float64]] = []
@@ -642,7 +641,10 @@ def pack_robots(models: Sequence[RobotModel], period: float) -> Robots:
         variant["yaw_noise"] = params.localization_yaw_noise
     bodies = [body_settings(m.params, m.footprint, 0.0, moving_obstacles=False) for m in models]
     lidars = [m.lidar for m in models]
-    scans = [scan_settings(p.height, p.angle_min, p.angle_increment, p.range_min, p.range_max) for p in lidars]
+    # what is beyond `clip` counts as free: it need not be measured
+    scans = [
+        scan_settings(p.height, p.angle_min, p.angle_increment, p.range_min, min(p.range_max, clip)) for p in lidars
+    ]
     angles = np.array([p.angle_min + p.angle_increment * np.arange(p.beams) for p in lidars])
     beams = np.ascontiguousarray(np.stack((np.cos(angles), np.sin(angles)), axis=-1))
     footprints = np.concatenate(outlines)
@@ -667,7 +669,7 @@ class Simulation:
         period = float(task["period"][0])
         worlds = list({id(level.world): level.world for level in levels}.values())
         index = {id(world): k for k, world in enumerate(worlds)}
-        self.worlds, self.robots = pack_worlds(worlds), pack_robots(robots, period)
+        self.worlds, self.robots = pack_worlds(worlds), pack_robots(robots, period, float(task["clip"][0]))
         rows = np.zeros(len(levels), LEVEL)
         paths: list[NDArray[np.float64]] = []
         for row, level in zip(rows, levels, strict=True):
@@ -718,11 +720,7 @@ class Simulation:
             return
         # several parts per thread: resets and narrow places take longer
         bounds = np.linspace(0, self.number, 4 * self._threads + 1).astype(int).tolist()
-        parts = [
-            pool.submit(advance, todo, commands, actions, *fixed, a, b)
-            for a, b in zip(bounds, bounds[1:], strict=False)
-            if a < b
-        ]
+        parts = [pool.submit(advance, todo, commands, actions, *fixed, a, b) for a, b in pairwise(bounds) if a < b]
         for part in parts:
             part.result()
 

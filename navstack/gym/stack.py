@@ -82,7 +82,9 @@ class StackEnv(gymnasium.Env[Any, Any]):
         if not sim.lasers:
             raise InputError("the robot has no lidar; list one in navstack/sim/lasers", lasers=[])
         lidar = sim.lidar(sim.lasers[0])
-        self._lidar_params = LidarParams(**{**lidar.model_dump(), "message": "LaserScan", "beams": beams or lidar.beams})
+        self._lidar_params = LidarParams(
+            **{**lidar.model_dump(), "message": "LaserScan", "beams": beams or lidar.beams}
+        )
         self._shown: dict[str, spaces.Space[Any]] = {
             "scan": spaces.Box(0.0, 1.0, (self._lidar_params.beams,), np.float32),
             "goal": spaces.Box(-1.0, 1.0, (3,), np.float32),
@@ -122,13 +124,12 @@ class StackEnv(gymnasium.Env[Any, Any]):
     def set_level_weights(self, weights: Sequence[float]) -> None:
         """Set how often each level is drawn from now on, in proportion (one weight per level)."""
         values = np.asarray(weights, np.float64)
-        if values.shape != self._weights.shape or not (np.isfinite(values).all() and (values >= 0.0).all() and values.sum() > 0.0):
+        valid = values.shape == self._weights.shape and bool(np.isfinite(values).all() and (values >= 0.0).all())
+        if not (valid and values.sum() > 0.0):
             raise InputError(f"give {len(self._levels)} weights of at least 0, not all 0: one per level")
         self._weights = values
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode; `options={"level": NAME or NUMBER}` chooses its level."""
         super().reset(seed=seed)
         self._check_open()
@@ -165,7 +166,7 @@ class StackEnv(gymnasium.Env[Any, Any]):
         if values.shape != self.action_space.shape or not (np.abs(values) <= 1.0 + 1e-6).all():
             shown = values.tolist() if values.size < 20 else f"of the shape {values.shape}"
             raise InputError(
-                f"the action {shown} is not {self.action_space.shape} finite numbers in [-1, 1]; clip or squash what the policy gives"
+                f"the action {shown} is not {self.action_space.shape} finite numbers in [-1, 1]; clip what the policy gives"
             )
         before, robot = run.robot.pose, run.robot
         self._apply(np.clip(values, -1.0, 1.0))
@@ -359,7 +360,7 @@ class PlannerParamsEnv(StackEnv):
     ) -> None:
         """Make the environment; most arguments as of `LocalControlEnv`.
 
-        `parameters`: `NAME=LOW..HIGH` or `NAME`, as the option `--param` of `navstack tune`; default: its ranges of the local
+        `parameters`: `NAME=LOW:HIGH` or `NAME`, as the option `--param` of `navstack tune`; default: its ranges of the local
         planner. An action in [-1, 1] is a share of the range. `period` (s): of a step.
 
         Raises NavError for invalid arguments, parameters that do not exist and ranges that they cannot have.
@@ -390,9 +391,7 @@ class PlannerParamsEnv(StackEnv):
         self._initial = np.array([_share(d, present[d.name]) for d in self._dimensions])
         size = len(self._dimensions)
         self.action_space = spaces.Box(-1.0, 1.0, (size,), np.float32)
-        self.observation_space = spaces.Dict(
-            {**self._shown, "parameters": spaces.Box(-1.0, 1.0, (size,), np.float32)}
-        )
+        self.observation_space = spaces.Dict({**self._shown, "parameters": spaces.Box(-1.0, 1.0, (size,), np.float32)})
 
     @property
     def parameter_names(self) -> list[str]:
@@ -464,7 +463,9 @@ def with_parameters(configuration: Configuration, values: Mapping[str, Any]) -> 
     found = replace(found, local_planner=planner)
     if not others:
         return found
-    loaded = load_configuration([configuration.tree.as_dict()], overrides=others, distro=configuration.navstack.ros_distro)
+    loaded = load_configuration(
+        [configuration.tree.as_dict()], overrides=others, distro=configuration.navstack.ros_distro
+    )
     if len(others) == len(values):
         return loaded
     known = {name: value for name, value in values.items() if not any(text.startswith(f"{name}=") for text in others)}
@@ -531,9 +532,7 @@ class ResidualEnv(StackEnv):
         holonomic = self._scenario(0).configuration.navstack.sim.kinematics == "holonomic"
         self._axes = [0, 1, 2] if holonomic else [0, 2]
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._axes),), np.float32)
-        self.observation_space = spaces.Dict(
-            {**self._shown, "base_command": spaces.Box(-1.0, 1.0, (3,), np.float32)}
-        )
+        self.observation_space = spaces.Dict({**self._shown, "base_command": spaces.Box(-1.0, 1.0, (3,), np.float32)})
 
     def _begin(self, run: Run) -> None:
         self._planner = CorrectedPlanner(run.move_base.local_planner)

@@ -66,6 +66,7 @@ class PolicyParams(PathFollowerParams):
     max_vel_y: float = param(
         0.0, "sideways speed of the action 1; 0: the policy has no such action", unit="m/s", ge=0.0
     )
+    min_vel_y: float = param(0.0, "sideways speed of the action -1; 0 or less", unit="m/s", le=0.0)
     max_vel_theta: float = param(2.0, "turning speed of the action 1", unit="rad/s", gt=0.0)
     acc_lim_x: float = param(3.0, "acceleration of the base, for recovery behaviors", unit="m/s²", gt=0.0)
     acc_lim_y: float = param(0.0, "sideways acceleration of the base, likewise", unit="m/s²", ge=0.0)
@@ -158,8 +159,8 @@ class Model:
             raise InputError(exc.message, model=str(self.file)) from None
         if found.size != actions:
             raise InputError(
-                f"the output of {self.file} has {found.size} numbers per observation, but an action has {actions} (3 with max_vel_y "
-                "above 0, else 2); export the policy's action, or set max_vel_y",
+                f"the output of {self.file} has {found.size} numbers, but an action has {actions} (3 with max_vel_y above 0, "
+                "else 2); export the policy's action, or set max_vel_y",
                 model=str(self.file),
                 shape=list(found.shape),
             )
@@ -355,8 +356,8 @@ class PolicyController(PathFollower):
                     )
                 return command, poses
         raise NoValidControlError(
-            f"what the policy commands ({wanted.vx:.2f} m/s, {wanted.wz:.2f} rad/s) collides within {p.collision_time:g} s, slower, "
-            "and when it turns in place, too",
+            f"what the policy commands ({wanted.vx:.2f} m/s, {wanted.wz:.2f} rad/s) collides within {p.collision_time:g} s; "
+            "slower, and when it turns in place, too",
             command=list(wanted),
             notes=notes,
         )
