@@ -84,9 +84,10 @@ class _Core:
             scale=self.scale,
             weights=weights,
             same_step=same_step,
+            repeats_action=last_action,
         )
         repeated = self.scale.size if last_action else 0
-        self.simulation = Simulation(number, found, models, task, actions=repeated, threads=threads)
+        self.simulation = Simulation(number, found, models, task, actions=self.scale.size, threads=threads)
         if max_episode_steps is not None:
             if max_episode_steps < 1:
                 raise InputError(f"max_episode_steps is {max_episode_steps}; it must be at least 1")
@@ -96,10 +97,8 @@ class _Core:
         self.number = number
         self.names = [level.name for level in found]
         self.footprints = [model.footprint for model in models]
-        self.repeated = repeated
         self.seeds = [0] * number
         self.is_closed = self.is_reset = False
-        self.no_commands = np.zeros((number, 3))
         self.no_actions = np.zeros((number, self.scale.size))
 
     def seed(self, index: int, seed: int) -> None:
@@ -122,9 +121,10 @@ class _Core:
             raise InputError(f"the level is {level!r}; give a name, or a number of 0 .. {len(self.names) - 1}")
         self.simulation.batch.episodes[index]["wanted_level"] = level
 
-    def run(self, todo: NDArray[np.int8], commands: NDArray[np.float64], actions: NDArray[np.float64]) -> None:
-        """Step or reset."""
-        self.simulation.advance(todo, commands, actions)
+    def run(self, todo: Any, actions: NDArray[np.float64]) -> None:
+        """Step or reset: `todo` is one number, or one per environment."""
+        self.simulation.todo[:] = todo
+        self.simulation.advance(actions)
 
     def check_open(self) -> None:
         """Raise InputError if the environment is closed."""
@@ -191,7 +191,6 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         outputs = core.simulation.outputs
         self._row, self._info, self._terms = outputs.observations[0], outputs.infos[0], outputs.terms[0]
         self._rewards, self._terminated, self._truncated = outputs.rewards, outputs.terminated, outputs.truncated
-        self._step_todo, self._reset_todo = np.full(1, STEP, np.int8), np.full(1, RESET, np.int8)
         self._needs_reset = True
         self.metadata = {**self.metadata, "render_fps": round(1.0 / float(core.simulation.task["period"][0]))}
 
@@ -214,7 +213,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
             core.is_reset = True
         if options and "level" in options:
             core.want_level(0, options["level"])
-        core.run(self._reset_todo, core.no_commands, core.no_actions)
+        core.run(RESET, core.no_actions)
         self._needs_reset = False
         return core.observation.of_row(self._row.copy()), self._report()
 
@@ -225,7 +224,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
             core.check_open()
             raise InputError("the episode has ended or not begun; call reset() before step()")
         values = core.scale.read(action, 1)
-        core.run(self._step_todo, core.scale.velocities(values), values)
+        core.run(STEP, values)
         terminated, truncated = bool(self._terminated[0]), bool(self._truncated[0])
         self._needs_reset = terminated or truncated
         info = self._report()
@@ -315,7 +314,6 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
         self.single_observation_space, self.single_action_space = core.observation.space, core.scale.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._todo = np.zeros(num_envs, np.int8)
         self._ended = np.ones(num_envs, np.bool_)
 
     @property
@@ -357,8 +355,7 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
             for i, level in enumerate(each):
                 if level is not None and mask[i]:
                     core.want_level(i, level)
-        self._todo[:] = np.where(mask, RESET, SKIP)
-        core.run(self._todo, core.no_commands, core.no_actions)
+        core.run(np.where(mask, RESET, SKIP), core.no_actions)
         self._ended &= ~mask
         return self._observations(), self._report(core.simulation.outputs.infos, mask)
 
@@ -387,8 +384,7 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
                 "reset(options={'reset_mask': terminated | truncated}) first, or use another autoreset_mode"
             )
         values = core.scale.read(actions, self.num_envs)
-        self._todo[:] = np.where(self._ended, RESET, STEP)
-        core.run(self._todo, core.scale.velocities(values), values)
+        core.run(np.where(self._ended, RESET, STEP), values)
         outputs = core.simulation.outputs
         stepped = ~self._ended
         terminated, truncated = outputs.terminated.copy(), outputs.truncated.copy()

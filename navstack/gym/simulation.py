@@ -9,7 +9,7 @@ random number is a function of (seed, episode, purpose, index), so neither their
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -81,6 +81,9 @@ TASK: Final = np.dtype(
         ("same_step", "?"),  # a new episode begins in the step that ends one
         ("clip", "f8"),  # largest range in the observation, m
         ("reach", "f8"),  # largest distance of the goal in the observation, m
+        ("low", "f8", (3,)),  # vx, vy, wz of the action -1, m/s and rad/s
+        ("high", "f8", (3,)),  # of the action 1
+        ("repeats_action", "?"),  # the observation ends with the last action
         ("plan_points", "i8"),
         ("plan_spacing", "f8"),  # m
         ("plan_range", "f8"),  # m
@@ -414,8 +417,9 @@ def observe(i, batch, robots, worlds, level, task, out):
     if task.plan_points > 0:
         plan_into(i, batch, level, task, x, y, yaw, out[at : at + 2 * task.plan_points])
         at += 2 * task.plan_points
-    for k in range(out.shape[0] - at):
-        out[at + k] = episode.last[k]
+    if task.repeats_action:
+        for k in range(out.shape[0] - at):
+            out[at + k] = episode.last[k]
     return lowest
 
 
@@ -470,15 +474,19 @@ def report_end(level, moved_at, info):
 
 
 @kernel
-def step_environment(i, batch, robots, worlds, levels, task, command, action, outputs):
+def step_environment(i, batch, robots, worlds, levels, task, action, outputs):
     """Drive environment `i` for one control step; write its observation, reward, end and info."""
     info = outputs.infos[i]
     episode, state, body = batch.episodes[i], batch.states[i], batch.bodies[i]
     level = levels[info.level]
     for k in range(episode.given.shape[0] - 1, 2, -1):
         episode.given[k] = episode.given[k - 3]
+    last = action.shape[0] - 1
     for k in range(3):
-        episode.given[k] = command[k]
+        # forward, (sideways,) turning
+        share = action[0] if k == 0 else action[last] if k == 2 else action[1] if last == 2 else 0.0
+        wanted = task.low[k] + 0.5 * (share + 1.0) * (task.high[k] - task.low[k])
+        episode.given[k] = min(max(wanted, task.low[k]), task.high[k])
     change = 0.0
     for k in range(action.shape[0]):
         change += abs(action[k] - episode.last[k])
@@ -525,11 +533,11 @@ def step_environment(i, batch, robots, worlds, levels, task, command, action, ou
 
 
 @kernel
-def advance(todo, commands, actions, batch, robots, worlds, levels, cumulative, tasks, outputs, begin, end):
+def advance(todo, actions, batch, robots, worlds, levels, cumulative, tasks, outputs, begin, end):
     """Step or reset the environments `begin` .. `end` - 1.
 
-    `todo` (n,): `SKIP`, `STEP` or `RESET`; `commands` (n, 3): vx, vy, wz (m/s, rad/s); `actions` (n, a): what the observation
-    repeats; `cumulative` (levels,): cumulative weights by which levels are drawn; `tasks` (1,) of type `TASK`.
+    `todo` (n,): `SKIP`, `STEP` or `RESET`; `actions` (n, 2 or 3) in [-1, 1]: forward, (sideways,) turning; `cumulative`
+    (levels,): cumulative weights by which levels are drawn; `tasks` (1,) of type `TASK`.
     """
     task = tasks[0]
     for i in range(begin, end):
@@ -537,7 +545,7 @@ def advance(todo, commands, actions, batch, robots, worlds, levels, cumulative, 
             continue
         resets = todo[i] == RESET
         if todo[i] == STEP:
-            step_environment(i, batch, robots, worlds, levels, task, commands[i], actions[i], outputs)
+            step_environment(i, batch, robots, worlds, levels, task, actions[i], outputs)
             if task.same_step and batch.episodes[i].ended:
                 outputs.last_observations[i] = outputs.observations[i]
                 outputs.last_infos[i] = outputs.infos[i]
@@ -664,7 +672,7 @@ class Simulation:
         actions: int,
         threads: int = 1,
     ) -> None:
-        """`task` (1,) of type `TASK`; `actions`: numbers of an action that the observation repeats."""
+        """`task` (1,) of type `TASK`; `actions`: numbers of an action."""
         self.number, self.levels, self.task = number, tuple(levels), task
         period = float(task["period"][0])
         worlds = list({id(level.world): level.world for level in levels}.values())
@@ -695,7 +703,7 @@ class Simulation:
             np.concatenate(paths),
         )
         self.beams = self.robots.beams.shape[1]
-        size = self.beams + 6 + 2 * int(task["plan_points"][0]) + actions
+        size = self.beams + 6 + 2 * int(task["plan_points"][0]) + (actions if task["repeats_action"][0] else 0)
         self.outputs = Outputs(
             np.zeros((number, size), np.float32),
             np.zeros(number),
@@ -706,21 +714,29 @@ class Simulation:
             np.zeros((number, size), np.float32),
             np.zeros(number, INFO),
         )
+        self.todo = np.zeros(number, np.int8)
+        """(n,) what `advance` does: `SKIP`, `STEP` or `RESET`."""
+        self._fixed = (self.batch, self.robots, self.worlds, self.rows, self.cumulative, self.task, self.outputs)
+        # the machine code for these types: to find it by the types of 30 arrays takes 7 of 40 us of a step
+        compiled = advance.dispatcher
+        arguments = (self.todo, np.zeros((number, actions)), *self._fixed, 0, number)
+        self._advance: Callable[..., None] = compiled.compile(tuple(map(compiled.typeof_pyval, arguments)))
         self._threads = max(1, min(threads, number))
         self._pool: ThreadPoolExecutor | None = None
         if self._threads > 1:
             self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="navstack-gym")
 
-    def advance(self, todo: NDArray[np.int8], commands: NDArray[np.float64], actions: NDArray[np.float64]) -> None:
-        """Step or reset the environments into `outputs`, as the kernel `advance` says; the threads share the work."""
-        fixed = (self.batch, self.robots, self.worlds, self.rows, self.cumulative, self.task, self.outputs)
+    def advance(self, actions: NDArray[np.float64]) -> None:
+        """Step or reset the environments as `todo` says, into `outputs`; `actions` (n, a) are contiguous."""
         pool = self._pool
         if pool is None:
-            advance(todo, commands, actions, *fixed, 0, self.number)
+            self._advance(self.todo, actions, *self._fixed, 0, self.number)
             return
         # several parts per thread: resets and narrow places take longer
         bounds = np.linspace(0, self.number, 4 * self._threads + 1).astype(int).tolist()
-        parts = [pool.submit(advance, todo, commands, actions, *fixed, a, b) for a, b in pairwise(bounds) if a < b]
+        parts = [
+            pool.submit(self._advance, self.todo, actions, *self._fixed, a, b) for a, b in pairwise(bounds) if a < b
+        ]
         for part in parts:
             part.result()
 

@@ -101,9 +101,9 @@ class ActionScale:
                 f"an action of the shape {np.shape(actions)} was given; give ({self.size},) numbers in [-1, 1] per environment",
                 shape=list(np.shape(actions)),
             )
-        values = values.reshape(number, self.size)
+        values = np.ascontiguousarray(values.reshape(number, self.size))
         # a little more than 1: a policy's float32 may round up
-        if not (np.abs(values) <= 1.0 + 1e-6).all():
+        if not np.abs(values).max() <= 1.0 + 1e-6:
             bad = values[~(np.abs(values) <= 1.0 + 1e-6).all(axis=1)][0].tolist()
             problem = "is not finite" if not np.isfinite(bad).all() else "is outside [-1, 1]"
             raise InputError(
@@ -127,14 +127,6 @@ class ActionScale:
         for row, (v, w) in zip(table, DISCRETE, strict=True):
             row[0], row[-1] = 2.0 * (v * top - bottom) / (top - bottom) - 1.0, w
         return table[chosen]
-
-    def velocities(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the velocities (n, 3) of actions (n, size) in [-1, 1]."""
-        shares = np.zeros((len(values), 3))
-        shares[:, 0], shares[:, 2] = values[:, 0], values[:, -1]
-        if self.holonomic:
-            shares[:, 1] = values[:, 1]
-        return np.clip(self.low + 0.5 * (shares + 1.0) * (self.high - self.low), self.low, self.high)
 
 
 def limits_of(configuration: Configuration) -> VelocityLimits:
@@ -204,6 +196,7 @@ def make_task(
     scale: ActionScale,
     weights: Mapping[str, float],
     same_step: bool,
+    repeats_action: bool,
 ) -> NDArray[np.void]:
     """Return the settings of the kernel, (1,) of type `TASK`. Raises InputError."""
     if collision not in ("end", "stop"):
@@ -226,6 +219,9 @@ def make_task(
         "same_step": same_step,
         "clip": clip,
         "reach": reach,
+        "low": scale.low,
+        "high": scale.high,
+        "repeats_action": repeats_action,
         "plan_points": plan,
         "plan_spacing": SPACING_M,
         "plan_range": PLAN_RANGE_M,
