@@ -82,12 +82,17 @@ COMPILING_FILES = frozenset(
         "golden/test_nav2_planners.py",
         "golden/test_nav2_safety.py",
         "golden/test_smac.py",
+        "gym/test_levels.py",
+        "gym/test_local_control.py",
+        "gym/test_sb3.py",
+        "gym/test_stack.py",
         "local_planner/test_cars.py",
         "local_planner/test_dwb.py",
         "local_planner/test_escape.py",
         "local_planner/test_followers.py",
         "local_planner/test_mppi.py",
         "local_planner/test_overlap.py",
+        "local_planner/test_policy.py",
         "local_planner/test_velocity_sequences.py",
         "localization/test_ekf.py",
         "localization/test_inputs.py",
@@ -118,7 +123,7 @@ COMPILING_FILES = frozenset(
 )
 """Files of tests that compile kernels which the default robot does not use, two minutes of them: they count as slow."""
 COMPILING_PLUGINS = re.compile(
-    r"Test\w+_(amcl|ConstraintCritic|CostCritic|ObstacleFootprint|PathAlignCritic|constrained|dwb|ekf|graceful|mppi|nav2_\w+|"
+    r"Test\w+_(amcl|ConstraintCritic|CostCritic|ObstacleFootprint|PathAlignCritic|constrained|dwb|ekf|graceful|mppi|nav2_\w+|policy|"
     r"plugin_container|regulated_pure_pursuit|rotation_shim|savitzky_golay|scan_matching|smac_\w+)"
 )
 """Contract suites of plugins that do so."""

@@ -170,6 +170,17 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
             ),
             namespaces="FollowPath",
         ),
+        "policy": PluginNames(
+            values=(
+                "controller_frequency goal_checker_plugins path_handler_plugins prune_distance "
+                "max_robot_pose_search_dist enforce_path_inversion inversion_xy_tolerance "
+                "inversion_yaw_tolerance model beams fov scan_x scan_y scan_yaw scan_clip goal_range "
+                "plan_points last_action max_vel_x min_vel_x max_vel_y min_vel_y max_vel_theta acc_lim_x "
+                "acc_lim_y acc_lim_theta use_collision_detection collision_time"
+            ),
+            others="plugin transform_tolerance",
+            namespaces="FollowPath",
+        ),
         "regulated_pure_pursuit": PluginNames(
             values=(
                 "controller_frequency goal_checker_plugins path_handler_plugins prune_distance "

@@ -70,6 +70,7 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "dwb": ("navstack.local_planner.dwb.planner", "dwb_core/DWBLocalPlanner"),
         "graceful": ("navstack.local_planner.graceful", "nav2_graceful_controller/GracefulController"),
         "mppi": ("navstack.local_planner.mppi.planner", "nav2_mppi_controller/MPPIController"),
+        "policy": ("navstack.local_planner.policy",),
         "regulated_pure_pursuit": (
             "navstack.local_planner.regulated_pure_pursuit",
             "nav2_regulated_pure_pursuit_controller/RegulatedPurePursuitController",

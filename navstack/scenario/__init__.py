@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from navstack.scenario.barn import WORLDS_FILE as WORLDS_FILE
     from navstack.scenario.barn import BarnWorld as BarnWorld
     from navstack.scenario.barn import barn_map as barn_map
+    from navstack.scenario.barn import barn_spec as barn_spec
     from navstack.scenario.barn import load_worlds as load_worlds
     from navstack.scenario.file_reader import check_scenario as check_scenario
     from navstack.scenario.file_reader import check_unique_names as check_unique_names
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from navstack.scenario.places import Places as Places
     from navstack.scenario.places import load_places as load_places
     from navstack.scenario.places import visit_order as visit_order
+    from navstack.scenario.random_maps import FreeSpace as FreeSpace
     from navstack.scenario.random_scenarios import check_random as check_random
     from navstack.scenario.recognition import is_scenario_file as is_scenario_file
     from navstack.scenario.recognition import shipped_scenarios as shipped_scenarios
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from navstack.scenario.run import warm_up as warm_up
     from navstack.scenario.scenario import Scenario as Scenario
     from navstack.scenario.spec import ScenarioSpec as ScenarioSpec
+    from navstack.scenario.spec import single_goal_spec as single_goal_spec
     from navstack.scenario.steps import EXAMPLES as EXAMPLES
     from navstack.scenario.steps import Step as Step
     from navstack.scenario.steps import read_step as read_step

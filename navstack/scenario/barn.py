@@ -98,18 +98,20 @@ def barn_scenarios(directory: Path | None) -> list[ScenarioSpec]:
         raise InputError(
             f"the suite barn needs the folder of the BARN worlds, which contains {WORLDS_FILE}", argument="directory"
         )
-    return [
-        single_goal_spec(
-            f"world {world.number}",
-            START,
-            GOAL,
-            100.0,
-            grid=barn_map(world),
-            overlays=[{"navstack": {"sim": dict(JACKAL)}}],
-            shapes=tuple(Shape(radius=r, pose=[x, y]) for x, y, r in world.discs.tolist()),
-        )
-        for world in load_worlds(directory / WORLDS_FILE if directory.is_dir() else directory)
-    ]
+    return [barn_spec(world) for world in load_worlds(directory / WORLDS_FILE if directory.is_dir() else directory)]
+
+
+def barn_spec(world: BarnWorld) -> ScenarioSpec:
+    """Returns the scenario of a world, in the simulator of the benchmark."""
+    return single_goal_spec(
+        f"world {world.number}",
+        START,
+        GOAL,
+        100.0,
+        grid=barn_map(world),
+        overlays=[{"navstack": {"sim": dict(JACKAL)}}],
+        shapes=tuple(Shape(radius=r, pose=[x, y]) for x, y, r in world.discs.tolist()),
+    )
 
 
 def load_worlds(file: Path) -> list[BarnWorld]:

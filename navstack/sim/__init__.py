@@ -9,17 +9,24 @@ if TYPE_CHECKING:
     from navstack.parameters import LidarParams as LidarParams
     from navstack.parameters import SimParams as SimParams
     from navstack.parameters import SonarParams as SonarParams
+    from navstack.sim.body import SAMPLE_SIZE as SAMPLE_SIZE
+    from navstack.sim.body import STATE as STATE
+    from navstack.sim.body import body_settings as body_settings
+    from navstack.sim.body import drive as drive
     from navstack.sim.body import wheel_drive as wheel_drive
     from navstack.sim.bumper import Bumper as Bumper
     from navstack.sim.camera import Camera as Camera
     from navstack.sim.camera import CameraImage as CameraImage
     from navstack.sim.collision import Collision as Collision
+    from navstack.sim.collision import clearance as clearance
     from navstack.sim.docks import Docks as Docks
     from navstack.sim.docks import contact_error as contact_error
     from navstack.sim.docks import dock_shapes as dock_shapes
     from navstack.sim.docks import energy_of as energy_of
     from navstack.sim.estimation import Estimation as Estimation
     from navstack.sim.lidar import Lidar as Lidar
+    from navstack.sim.lidar import scan_settings as scan_settings
+    from navstack.sim.lidar import sweep as sweep
     from navstack.sim.movers import Mover as Mover
     from navstack.sim.movers import Track as Track
     from navstack.sim.movers import TrackedDiscs as TrackedDiscs

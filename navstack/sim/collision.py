@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navstack.core import Pose2D, kernel
+from navstack.core import Pose2D, kernel, plain_kernel
 from navstack.sim.map_cells import free_around, polygon_on_cells, segment_meets_square
 from navstack.sim.solids import polygon_contains, polygon_to_point, polygon_to_polygon, polygons_meet
 
@@ -36,7 +36,7 @@ class Collision:
 # Solids are numbered: first the discs, then the polygons.
 
 
-@kernel
+@plain_kernel
 def choose_solids(solids, x, y, reach, chosen):
     """Writes the numbers of the solids within `reach` (m) of the point into `chosen`; returns their count."""
     count = 0
@@ -54,7 +54,7 @@ def choose_solids(solids, x, y, reach, chosen):
     return count
 
 
-@kernel
+@plain_kernel
 def solid_collision(solids, number, footprint, radius, x, y, c, s, placed):
     """True if the footprint (n, 2) intersects the solid with that number; c and s are cosine and sine of its yaw.
 
@@ -76,7 +76,7 @@ def solid_collision(solids, number, footprint, radius, x, y, c, s, placed):
     return polygons_meet(placed, solids.corners[solids.first[k] : solids.first[k + 1]])
 
 
-@kernel
+@plain_kernel
 def find_collision(squares, grid, solids, chosen, count, footprint, radius, x, y, yaw, placed):
     """What the footprint (n, 2) at a pose in the map collides with: a cell index >= 0, a solid as -2 - number, -1 for nothing.
 
@@ -101,7 +101,7 @@ def find_collision(squares, grid, solids, chosen, count, footprint, radius, x, y
     return -1
 
 
-@kernel
+@plain_kernel
 def distance_to_solid(solids, number, x, y):
     """Distance (m) from the point to the solid with that number, 0 inside."""
     discs = solids.discs
@@ -118,7 +118,7 @@ def distance_to_solid(solids, number, x, y):
 CLOSE = 1e-9
 
 
-@kernel
+@plain_kernel
 def point_to_square(x, y, left, bottom):
     """Distance from the point to the unit square with that corner."""
     dx = max(left - x, 0.0, x - left - 1.0)
@@ -126,7 +126,7 @@ def point_to_square(x, y, left, bottom):
     return math.sqrt(dx * dx + dy * dy)
 
 
-@kernel
+@plain_kernel
 def polygon_to_square(polygon, left, bottom):
     """Distance from the polygon (n, 2), n = 1: a point, to the unit square with that corner."""
     n = polygon.shape[0]

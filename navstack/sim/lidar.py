@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import DeferredScan, LaserScan, PointCloud, Pose2D, RangeReading, Transform2D, kernel
+from navstack.core import DeferredScan, LaserScan, PointCloud, Pose2D, RangeReading, Transform2D, kernel, plain_kernel
 from navstack.parameters import LidarParams, SonarParams
 from navstack.sim.solids import Solids, polygon_contains
 from navstack.sim.world import World
@@ -33,7 +33,7 @@ SCAN = np.dtype(
 """Element type of the settings of `sweep`."""
 
 
-@kernel
+@plain_kernel
 def enter_map(nx, ny, x, y, dx, dy):
     """Where a ray from outside enters the map: distance (cells), ix, iy of the first cell. The distance is inf if it misses."""
     tx0, tx1 = -math.inf, math.inf
@@ -54,7 +54,7 @@ def enter_map(nx, ny, x, y, dx, dy):
     return t, min(max(math.floor(x + t * dx), 0), nx - 1), 0 if dy > 0.0 else ny - 1
 
 
-@kernel
+@plain_kernel
 def cast_ray(leaps, ny, nx, x, y, dx, dy, reach):
     """Distance (cells) from (x, y) (cells) along the unit vector (dx, dy) to the first occupied cell; inf beyond `reach`.
 
@@ -98,7 +98,7 @@ def cast_ray(leaps, ny, nx, x, y, dx, dy, reach):
             return math.inf
 
 
-@kernel
+@plain_kernel
 def see_edge(ranges, beams, ax, ay, bx, by, angle_min, angle_increment):
     """Shortens the `ranges` (n,) of the beams that intersect the segment from a to b, both in the sensor's frame (m)."""
     n = beams.shape[0]

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import kernel
+from navstack.core import kernel, plain_kernel
 from navstack.sim.solids import polygon_contains
 
 
@@ -87,13 +87,13 @@ def free_rectangles(squares):
     return leaps
 
 
-@kernel
+@plain_kernel
 def free_around(squares, ix, iy):
     """Number of free cells in every direction from the cell, diagonals included; -1 if the cell is occupied."""
     return int(min(min(squares[0, iy, ix], squares[1, iy, ix]), min(squares[2, iy, ix], squares[3, iy, ix]))) - 1
 
 
-@kernel
+@plain_kernel
 def segment_meets_square(x0, y0, x1, y1, left, bottom):
     """True if the segment intersects the unit square with that corner (Liang and Barsky, 1984)."""
     t0, t1 = 0.0, 1.0
@@ -114,7 +114,7 @@ def segment_meets_square(x0, y0, x1, y1, left, bottom):
     return t0 <= t1
 
 
-@kernel
+@plain_kernel
 def polygon_on_cells(squares, polygon, cx, cy, radius):
     """Index iy * nx + ix of an occupied cell that the polygon (n, 2) intersects, -1 if there is none. Exact.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import kernel
+from navstack.core import kernel, plain_kernel
 
 
 class SolidGeometry(NamedTuple):
@@ -83,7 +83,7 @@ def concatenate_solids(parts: Sequence[Solids]) -> Solids:
 # Arrays of corners (n, 2): containment, distance and intersection, exact except for rounding; and their placement.
 
 
-@kernel
+@plain_kernel
 def polygon_contains(polygon, x, y):
     """True for a point inside the polygon (n, 2), by the even-odd rule."""
     inside = False
@@ -97,7 +97,7 @@ def polygon_contains(polygon, x, y):
     return inside
 
 
-@kernel
+@plain_kernel
 def polygon_to_point(polygon, x, y):
     """Distance from the point to the polygon (n, 2), 0 inside."""
     if polygon_contains(polygon, x, y):
@@ -114,13 +114,13 @@ def polygon_to_point(polygon, x, y):
     return math.sqrt(best)
 
 
-@kernel
+@plain_kernel
 def side_of(ax, ay, bx, by, x, y):
     """Twice the signed area of the triangle: positive for a point to the left of the line from a to b, 0 on it."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 
-@kernel
+@plain_kernel
 def segments_meet(ax, ay, bx, by, cx, cy, dx, dy):
     """True if the segments ab and cd intersect, ends included."""
     if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx) or max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
@@ -132,7 +132,7 @@ def segments_meet(ax, ay, bx, by, cx, cy, dx, dy):
     return not ((a > 0.0 and b > 0.0) or (a < 0.0 and b < 0.0))
 
 
-@kernel
+@plain_kernel
 def polygons_meet(one, other):
     """True if the polygons (n, 2) and (m, 2) intersect, borders included."""
     j = one.shape[0] - 1
@@ -148,7 +148,7 @@ def polygons_meet(one, other):
     return polygon_contains(one, other[0, 0], other[0, 1]) or polygon_contains(other, one[0, 0], one[0, 1])
 
 
-@kernel
+@plain_kernel
 def polygon_to_polygon(one, other):
     """Distance between the polygons (n, 2) and (m, 2), 0 if they intersect; `one` may be a single point."""
     if one.shape[0] == 1:

@@ -33,6 +33,7 @@ from navstack.testing import (
     recovery_contract,
     smoother_contract,
 )
+from tests.local_planner.networks import shared_network
 
 STRAIGHT_ONLY = {"carrot_planner"}
 """Global planners that do not search around obstacles."""
@@ -91,6 +92,15 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
                 max_allowed_time_to_collision_up_to_carrot=2.0, controller_frequency=5.0
             ),
         },
+    },
+    "policy": {
+        "model": shared_network(),
+        "max_vel_x": 0.5,
+        "max_vel_theta": 1.0,
+        "acc_lim_theta": 2.0,
+        "scan_clip": 2.0,
+        "collision_time": 1.0,
+        "sections": {"goal_checker": NEAR_GOAL},
     },
     "regulated_pure_pursuit": {
         "sections": {"goal_checker": NEAR_GOAL},

@@ -39,6 +39,7 @@ LEVELS: Final[tuple[tuple[str, ...], ...]] = (
     ("explain", "ros_node"),
     ("plot", "live", "ros1", "ros2"),
     ("studies",),
+    ("gym",),
     ("cli", "shortcuts"),
 )
 """Packages from the bottom up: a package imports packages of lower levels only."""
