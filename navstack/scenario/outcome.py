@@ -71,11 +71,16 @@ EXPLAIN_FAILURES: Final = frozenset(
         "cannot-start",
         "window-too-small",
         "inflation-under-radius",
+        "steep-inflation",
         "sideways-command",
         "default-planner",
     }
 )
 """Rules of `navstack check` whose warning explains robots that stop, turn in place or circle around their goal."""
+_INFOS: Final = frozenset({"steep-inflation"})
+"""Those of them that are no warning: most maps have room enough."""
+_BACKWARD_M: Final = 1e-4
+"""A robot that moved back by more within a control cycle drove backward."""
 MUCH_TURNING_S: Final = 15.0
 MUCH_TURNING: Final = 0.25
 """A run that turns in place for longer than both, this time and this share of its time, has a cause worth searching."""
@@ -150,7 +155,7 @@ class GoalOutcome:
 
 def failure_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
     """Return the findings that may explain runs that fail, with file and line."""
-    return _findings_of(EXPLAIN_FAILURES, [f for f in findings if f.severity == "warning"])
+    return _findings_of(EXPLAIN_FAILURES, [f for f in findings if f.severity == "warning" or f.rule in _INFOS])
 
 
 def collision_advice(findings: Sequence[Finding], *, seen: bool = False) -> tuple[str, ...]:
@@ -158,14 +163,33 @@ def collision_advice(findings: Sequence[Finding], *, seen: bool = False) -> tupl
     return _findings_of(EXPLAIN_COLLISIONS - _SENSORS if seen else EXPLAIN_COLLISIONS, findings)
 
 
+def moved_backward(before: Pose2D, at: Pose2D) -> bool:
+    """Return True if a robot came from the pose `before` to the pose `at` backward."""
+    ahead = (at.x - before.x) * math.cos(before.yaw) + (at.y - before.y) * math.sin(before.yaw)
+    return ahead < -_BACKWARD_M
+
+
+def _backward_advice(count: int, collisions: int) -> str:
+    which = "the collision" if collisions == 1 else f"{count} of {collisions} collisions"
+    return (
+        f"the robot drove backward into the obstacle of {which}, which the local costmap did not have: its sensors do not see "
+        "what is behind it; forbid the controller to drive backward (min_vel_x: 0), or describe a sensor that sees behind "
+        "(navstack: sim:)"
+    )
+
+
 def advice_for(
-    metrics: RunMetrics, findings: Sequence[Finding], collisions: int = 0, marked: Sequence[float] = ()
+    metrics: RunMetrics,
+    findings: Sequence[Finding],
+    collisions: int = 0,
+    marked: Sequence[float] = (),
+    backward: Sequence[float] = (),
 ) -> tuple[str, ...]:
     """Return what may explain a run that missed goals, collided, or turned in place for long; none for other runs.
 
     These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose, and so do
     recovery behaviors: their time is subtracted. `marked`: times (s) of the collisions with obstacles that the local costmap had;
-    no sensor is their cause.
+    no sensor is their cause. `backward`: times (s) of the collisions into which the robot drove backward.
     """
     turned = metrics.turning_s - metrics.state_s.get("CLEARING", 0.0)
     turning = turned > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
@@ -176,6 +200,9 @@ def advice_for(
             f"the local costmap had the obstacle of {which}, so no sensor is the cause: the base does not drive what the "
             f"controller checks; navstack explain command RUN --time {max(0.0, marked[0] - 0.5):.1f} shows the command before it"
         )
+    unseen = [t for t in backward if t not in marked]
+    if unseen:
+        advice.append(_backward_advice(len(unseen), collisions))
     if metrics.succeeded < metrics.goals or turning:
         advice += failure_advice(findings)
     if turning:
@@ -263,7 +290,8 @@ class RunMeasurements:
         self._clearances = array("d")
         self._solids = robot.solids
         """The obstacles during the cycles whose clearance has not been computed yet."""
-        self._last_pose = robot.pose
+        self.last_pose = robot.pose
+        """Pose at the last cycle."""
         self.path_length = 0.0
         """Sum of the distances between consecutive cycles' poses (m); excludes slip within a cycle."""
 
@@ -271,8 +299,8 @@ class RunMeasurements:
         """Records the current cycle."""
         robot = self._robot
         pose = robot.pose
-        self.path_length += pose.distance_to(self._last_pose)
-        self._last_pose = pose
+        self.path_length += pose.distance_to(self.last_pose)
+        self.last_pose = pose
         if not self._keep:
             return
         if robot.solids is not self._solids:

@@ -259,6 +259,10 @@ def _inflation(configuration: Configuration, passages: PassageReport) -> Iterato
     if least < around:
         text = f"inflation_radius = {least:g} m does not cover the robot (circumscribed radius {around - 0.05:.2f} m)"
         yield Cause("thin-inflation", text, {f"{layer.namespace}/inflation_radius": around for layer in layers})
+    steep = next((f for f in configuration.findings if f.rule == "steep-inflation"), None)
+    if steep is not None and steep.suggestion is not None:
+        settings = {f"{layer.namespace}/cost_scaling_factor": float(steep.suggestion) for layer in layers}
+        yield Cause("steep-inflation", steep.message, settings)
     tight = [p for p in passages.passages if p.fits and p.rating != "free"]
     if tight:
         steep = {

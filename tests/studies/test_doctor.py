@@ -25,6 +25,10 @@ def causes(*overrides: str, robot: str = "turtlebot") -> dict[str, Cause]:
     return {c.name: c for c in possible_causes(configuration, find_passages(configuration, OFFICE))}
 
 
+def steepness(factor: str) -> list[str]:
+    return [f"{c}_costmap/inflation_layer/cost_scaling_factor={factor}" for c in ("global", "local")]
+
+
 def drives(*rows: tuple[bool, float, float, int]) -> Drives:
     made = [
         {"reached": reached, "time_s": time, "turning_s": idle, "standing_s": 0.0, "collisions": contacts}
@@ -43,6 +47,10 @@ def test_each_cause_comes_with_the_parameters_that_remove_it() -> None:
     thin = causes("global_costmap/inflation_layer/inflation_radius=0.1")["thin-inflation"]
     assert set(thin.settings) == {f"{c}_costmap/inflation_layer/inflation_radius" for c in ("global", "local")}
     assert all(value >= 0.25 for value in thin.settings.values())
+    long = "footprint=[[0.1, 0.2], [0.1, -0.2], [-0.4, -0.2], [-0.4, 0.2]]"
+    steep = causes(*(f"{c}_costmap/{long}" for c in ("global", "local")), *steepness("10.0"))["steep-inflation"]
+    assert set(steep.settings) == {f"{c}_costmap/inflation_layer/cost_scaling_factor" for c in ("global", "local")}
+    assert "steep-inflation" not in causes()
     assert causes("DWAPlannerROS/sim_time=0.5")["sim_time"].fix == "DWAPlannerROS/sim_time: 2.0"
     assert causes("DWAPlannerROS/sim_time=4.0")["sim_time"].fix == "DWAPlannerROS/sim_time: 1.7"
     assert "scoring-scale" not in causes(robot="turtlebot_rpp")
