@@ -32,6 +32,10 @@ SHORTER: Final = 0.9
 """A fix helps if more goals are reached, if the drives take at most this share of the time, or .."""
 LEAST_IDLE_S: Final = 10.0
 """.. if they turn in place or stand for half the time in the same time, and for at least this much less (s)."""
+MOST_PATH_PER_GOAL: Final = 3.0
+"""A path_distance_bias of more goal_distance_biases is a possible cause; the turtlebot's, which drives, is 2.7 of them."""
+PATH_PER_GOAL: Final = 4.0 / 3.0
+"""The ratio of ROS's defaults before 2018, 32 and 24, from which most robots' weights come; 0.75 since then."""
 MOST_FIXES: Final = 3
 PAIRS_TRIED: Final = 60
 SHORTEST_M: Final = 3.0
@@ -227,21 +231,24 @@ def _value_at(tree: Mapping[str, Any], name: str) -> Any:
 
 
 def _scoring(configuration: Configuration) -> Iterator[Cause]:
-    """Yield the other scale of DWA's weights, and lighter obstacles where `navstack check` finds them too heavy."""
+    """Yield the other scale of the weights, and lighter obstacles where `navstack check` finds them too heavy."""
     planner = configuration.local_planner
-    if planner.name != "dwa":
-        return
-    distro = configuration.navstack.ros_distro
-    other = "noetic" if distro == "indigo" else "indigo"
-    meant = "before 2018 (weights per cell)" if other == "indigo" else "after 2018 (weights per meter)"
-    text = (
-        f"the weights of {planner.namespace} may be meant for the scoring of releases {meant}: ros_distro is {distro}"
-    )
-    yield Cause("scoring-scale", text, {"navstack/ros_distro": other})
+    if planner.name == "dwa" or getattr(planner.params, "meter_scoring", False):
+        distro = configuration.navstack.ros_distro
+        other = "noetic" if distro == "indigo" else "indigo"
+        meant = "before 2018 (weights per cell)" if other == "indigo" else "after 2018 (weights per meter)"
+        text = f"the weights of {planner.namespace} may be meant for the scoring of releases {meant}: ros_distro is {distro}"
+        yield Cause("scoring-scale", text, {"navstack/ros_distro": other})
+    path, goal = (getattr(planner.params, f"{what}_distance_bias", 0.0) for what in ("path", "goal"))
+    if path > MOST_PATH_PER_GOAL * goal > 0.0:
+        name = f"{planner.namespace}/path_distance_bias"
+        text = (
+            f"{name} = {path:g} is {path / goal:.1f} times goal_distance_bias: staying on the path outweighs progress"
+        )
+        yield Cause("heavy-path", text, {name: round(PATH_PER_GOAL * goal, 6)})
     heavy = next((f for f in configuration.findings if f.rule == "scoring-scale"), None)
-    if heavy is not None:
-        lighter = planner.params.occdist_scale * 2.0 * configuration.local_costmap.params.resolution
-        yield Cause("heavy-obstacles", heavy.message, {f"{planner.namespace}/occdist_scale": round(lighter, 6)})
+    if heavy is not None and heavy.suggestion is not None:
+        yield Cause("heavy-obstacles", heavy.message, {f"{planner.namespace}/occdist_scale": float(heavy.suggestion)})
 
 
 def _inflation(configuration: Configuration, passages: PassageReport) -> Iterator[Cause]:

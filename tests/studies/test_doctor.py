@@ -43,6 +43,13 @@ def test_each_cause_comes_with_the_parameters_that_remove_it() -> None:
     assert heavy.settings == {"DWAPlannerROS/occdist_scale": 0.5}
     assert heavy.overrides == ("DWAPlannerROS/occdist_scale=0.5",)
     assert "heavy-obstacles" not in causes()
+    rollout = ["base_local_planner=base_local_planner/TrajectoryPlannerROS", "TrajectoryPlannerROS/meter_scoring=true"]
+    heavy = causes(*rollout, "TrajectoryPlannerROS/occdist_scale=5.0")["heavy-obstacles"]
+    assert 0.0 < heavy.settings["TrajectoryPlannerROS/occdist_scale"] < 5.0
+    assert causes(*rollout)["scoring-scale"].settings == {"navstack/ros_distro": "noetic"}
+    weights = ("DWAPlannerROS/path_distance_bias=90", "DWAPlannerROS/goal_distance_bias=24")
+    assert causes(*weights)["heavy-path"].settings == {"DWAPlannerROS/path_distance_bias": 32.0}
+    assert "heavy-path" not in causes()
     assert causes("navstack/ros_distro=noetic")["scoring-scale"].settings == {"navstack/ros_distro": "indigo"}
     thin = causes("global_costmap/inflation_layer/inflation_radius=0.1")["thin-inflation"]
     assert set(thin.settings) == {f"{c}_costmap/inflation_layer/inflation_radius" for c in ("global", "local")}
