@@ -31,7 +31,9 @@ LIMIT_FACTOR: Final = 6.0
 SHORTER: Final = 0.9
 """A fix helps if more goals are reached, if the drives take at most this share of the time, or .."""
 LEAST_IDLE_S: Final = 10.0
-""".. if they turn in place or stand for half the time in the same time, and for at least this much less (s)."""
+""".. if they turn in place or stand for half the time, for at least this much less (s), and take .."""
+LONGER: Final = 1.1
+""".. at most this many times as long."""
 MOST_PATH_PER_GOAL: Final = 3.0
 """A path_distance_bias of more goal_distance_biases is a possible cause; the turtlebot's, which drives, is 2.7 of them."""
 PATH_PER_GOAL: Final = 4.0 / 3.0
@@ -105,7 +107,7 @@ class Drives:
         if self.time_s <= SHORTER * other.time_s:
             return True
         return (
-            self.idle_s <= min(0.5 * other.idle_s, other.idle_s - LEAST_IDLE_S) and self.time_s <= 1.05 * other.time_s
+            self.idle_s <= min(0.5 * other.idle_s, other.idle_s - LEAST_IDLE_S) and self.time_s <= LONGER * other.time_s
         )
 
     def effect(self, before: Drives) -> str:
@@ -436,8 +438,10 @@ def diagnose(
     usable = [cause for cause in causes if _is_valid(configuration, cause)]
     alone = [Tried(c, base, after) for c, after in zip(usable, measure("fixes", [(c,) for c in usable]), strict=True)]
     ranked = tuple(sorted(alone, key=lambda tried: tried.after.order))
-    chosen: list[Tried] = [ranked[0]] if ranked and ranked[0].helps else []
-    left = [tried.cause for tried in ranked[1:] if tried.helps]
+    chosen = [tried for tried in ranked if tried.helps][:1]
+    # of two causes, the fix of the second may help on top of that of the first only
+    failing = bool(chosen) and chosen[0].after.reached < len(drives)
+    left = [tried.cause for tried in ranked if tried not in chosen and (tried.helps or failing)]
     while chosen and left and len(chosen) < MOST_FIXES:
         before = chosen[-1].after
         kept = tuple(tried.cause for tried in chosen)
@@ -449,7 +453,8 @@ def diagnose(
         if not best.helps:
             break
         chosen.append(best)
-        left = [tried.cause for tried in more if tried.helps and tried is not best]
+        failing = best.after.reached < len(drives)
+        left = [tried.cause for tried in more if tried is not best and (tried.helps or failing)]
     return Diagnosis(base, passages, ranked, tuple(chosen))
 
 

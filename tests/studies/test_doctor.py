@@ -13,9 +13,10 @@ from navstack.cli.app import run as command
 from navstack.explain import find_passages
 from navstack.map_io import load_map
 from navstack.parameters import load_configuration, packaged_folder
-from navstack.scenario import load_places
-from navstack.studies import Cause, make_drives
-from navstack.studies.doctor import Drives, drive, possible_causes
+from navstack.scenario import Scenario, load_places
+from navstack.studies import Cause, doctor, make_drives
+from navstack.studies.doctor import Drives, diagnose, drive, possible_causes
+from navstack.studies.jobs import Job, JobResult
 
 OFFICE = load_map("office")
 
@@ -133,3 +134,28 @@ def test_the_doctor_finds_and_writes_the_fix(
 def test_a_packaged_set_is_not_changed(capfd: pytest.CaptureFixture[str]) -> None:
     assert command(["doctor", "turtlebot", "--apply"]) == 2
     assert "--apply cannot change the packaged set turtlebot" in capfd.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_second_of_two_causes_is_found_on_top_of_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second drive needs both fixes; that of controller_frequency alone helps nowhere."""
+
+    def figures(scenario: Scenario) -> dict[str, Any]:
+        configuration = scenario.configuration
+        longer = configuration.local_planner.params.sim_time == 2.0
+        often = configuration.move_base.controller_frequency == 10.0
+        reached = longer and (often or scenario.goals[0] == goals[0])
+        return {"reached": reached, "time_s": 40.0, "turning_s": 0.0, "standing_s": 0.0, "collisions": 0}
+
+    def run_jobs(work: Any, jobs: list[Job], **_: Any) -> list[JobResult]:
+        return [JobResult(job.key, figures(job.input)) for job in jobs]
+
+    monkeypatch.setattr(doctor, "run_jobs", run_jobs)
+    configuration = load_configuration(
+        ["turtlebot"], overrides=["DWAPlannerROS/sim_time=0.5", "controller_frequency=5.0"]
+    )
+    drives = make_drives(OFFICE, configuration, load_places("office"))[:2]
+    goals = [scenario.goals[0] for scenario in drives]
+    found = diagnose(configuration, OFFICE, drives)
+    assert [tried.cause.name for tried in found.chosen] == ["sim_time", "controller_frequency"]
+    assert (found.drives.reached, found.chosen[0].after.reached, found.after.reached) == (0, 1, 2)
