@@ -79,8 +79,8 @@ EXPLAIN_FAILURES: Final = frozenset(
 """Rules of `navstack check` whose warning explains robots that stop, turn in place or circle around their goal."""
 _INFOS: Final = frozenset({"steep-inflation"})
 """Those of them that are no warning: most maps have room enough."""
-_BACKWARD_M: Final = 1e-4
-"""A robot that moved back by more within a control cycle drove backward."""
+BACKWARD_M_S: Final = -0.01
+"""A robot with a lower forward velocity drives backward."""
 MUCH_TURNING_S: Final = 15.0
 MUCH_TURNING: Final = 0.25
 """A run that turns in place for longer than both, this time and this share of its time, has a cause worth searching."""
@@ -161,12 +161,6 @@ def failure_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
 def collision_advice(findings: Sequence[Finding], *, seen: bool = False) -> tuple[str, ...]:
     """Return the findings that may explain contacts, with file and line; `seen`: with obstacles that the costmap had."""
     return _findings_of(EXPLAIN_COLLISIONS - _SENSORS if seen else EXPLAIN_COLLISIONS, findings)
-
-
-def moved_backward(before: Pose2D, at: Pose2D) -> bool:
-    """Return True if a robot came from the pose `before` to the pose `at` backward."""
-    ahead = (at.x - before.x) * math.cos(before.yaw) + (at.y - before.y) * math.sin(before.yaw)
-    return ahead < -_BACKWARD_M
 
 
 def _backward_advice(count: int, collisions: int) -> str:
@@ -290,8 +284,7 @@ class RunMeasurements:
         self._clearances = array("d")
         self._solids = robot.solids
         """The obstacles during the cycles whose clearance has not been computed yet."""
-        self.last_pose = robot.pose
-        """Pose at the last cycle."""
+        self._last_pose = robot.pose
         self.path_length = 0.0
         """Sum of the distances between consecutive cycles' poses (m); excludes slip within a cycle."""
 
@@ -299,8 +292,8 @@ class RunMeasurements:
         """Records the current cycle."""
         robot = self._robot
         pose = robot.pose
-        self.path_length += pose.distance_to(self.last_pose)
-        self.last_pose = pose
+        self.path_length += pose.distance_to(self._last_pose)
+        self._last_pose = pose
         if not self._keep:
             return
         if robot.solids is not self._solids:

@@ -43,12 +43,12 @@ from navstack.scenario.interactions import effect_ends
 from navstack.scenario.interventions import Interventions
 from navstack.scenario.low_battery import LowBattery
 from navstack.scenario.outcome import (
+    BACKWARD_M_S,
     GoalOutcome,
     RunMeasurements,
     RunResult,
     WarningCollector,
     advice_for,
-    moved_backward,
 )
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.steps import DockStep, Step, UndockStep, motion_of
@@ -72,12 +72,9 @@ def _advice_of(record: Record, metrics: RunMetrics, findings: Sequence[Finding])
 
 def backward_collisions(record: Record) -> list[float]:
     """Return the times (s) of the collisions into which the robot drove backward."""
-    found: list[float] = []
-    for t, pose in zip(record.collision_times.tolist(), record.collisions.tolist(), strict=True):
-        before = int(np.searchsorted(record.times, t, side="left")) - 1
-        if before >= 0 and moved_backward(Pose2D(*record.poses[before].tolist()), Pose2D(*pose)):
-            found.append(t)
-    return found
+    before = np.searchsorted(record.times, record.collision_times, side="left") - 1
+    backward = (before >= 0) & (record.velocities[before, 0] < BACKWARD_M_S)
+    return record.collision_times[backward].tolist()
 
 
 def marked_collisions(record: Record) -> list[float]:
@@ -280,9 +277,9 @@ class Run:
             due = min(due, robot.time + LONGEST_IDLE_S)
         if self.interventions.repeat_teleop():
             due = min(due, robot.time + DRIVING_S)
-        before = robot.time
+        before, backward = robot.time, robot.state().velocity.vx < BACKWARD_M_S
         robot.advance_to(min(due, move_base.next_due(before)))
-        self._note_marks()
+        self._note_collisions(backward=backward)
         move_base.tick(robot.time)
         goals.advance_tasks(move_base)
         if self.timings is not None:
@@ -303,8 +300,11 @@ class Run:
         goals.end_expired_motion(move_base)
         return True
 
-    def _note_marks(self) -> None:
-        """Notes which of the new collisions are with obstacles that the controller's costmap had."""
+    def _note_collisions(self, *, backward: bool) -> None:
+        """Notes which of the new collisions are with obstacles that the controller's costmap had.
+
+        `backward`: the robot drove backward into them.
+        """
         robot = self.robot
         if len(robot.collisions) == self._collisions_noted:
             return
@@ -313,7 +313,7 @@ class Run:
         for collision in robot.collisions[self._collisions_noted :]:
             if touches_lethal(costmap.master, robot.footprint, from_map.apply(collision.pose)):
                 self._marked_times.append(collision.time)
-            if moved_backward(self._measurements.last_pose, collision.pose):
+            if backward:
                 self._backward_times.append(collision.time)
         self._collisions_noted = len(robot.collisions)
 
