@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,6 +27,7 @@ from navstack.cli.output import (
 )
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import ensure_directory, locked_folder, write_json
+from navstack.explain import narrow_advice
 from navstack.plot import plot_run
 from navstack.scenario import run_scenario, warm_up
 
@@ -70,7 +72,9 @@ def _simulate(
     assert result.recorder is not None
     files = save_record(result.recorder, folder)
     picture = folder / "run.png"
-    plot_run(result.recorder.record(), picture)
+    record = result.recorder.record()
+    plot_run(record, picture)
+    result = replace(result, advice=(*result.advice, *narrow_advice(record)))
     files |= {"picture": str(picture), "summary": str(folder / "summary.json")}
     document = {**result.as_dict(), "files": files}
     write_json(folder / "summary.json", document)

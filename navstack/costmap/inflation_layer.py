@@ -155,6 +155,10 @@ MAX_CELLS = 253
 """Largest inflation radius in cells of the kernel, which stores distances along a column in a byte."""
 
 
+CORNER_COST = 25
+"""Cost at the circumscribed radius under which plans ignore corners: a tenth of that at the inscribed radius."""
+
+
 class InflationLayerParams(ParamModel):
     """`<costmap>/inflation_layer:`."""
 
@@ -172,6 +176,7 @@ class InflationLayerParams(ParamModel):
         """Yield what makes the inflated costs misleading: a small radius, no gradient, obstacles added afterwards."""
         if self.enabled:
             yield from self._check_radius(context)
+            yield from self._check_corners(context)
         yield from self._check_gradient(context)
         late = context.costmap.layers_after(context.name)
         if any(layer.traits.inflates for layer in late):
@@ -201,6 +206,23 @@ class InflationLayerParams(ParamModel):
             f"{circumscribed:.3g} m (inscribed {inscribed:.3g} m), so plans may {effect}; set it to {least} m or more"
         )
         yield Issue("warning", "inflation-under-radius", ("inflation_radius",), message, least)
+
+    def _check_corners(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield that plans pass closer to obstacles than the corners of a long robot reach when it turns."""
+        footprint = context.costmap.footprint
+        inscribed, circumscribed = footprint.inscribed_radius, footprint.circumscribed_radius
+        if context.costmap.name != context.global_costmap.name or self.inflation_radius < circumscribed:
+            return
+        cost = int(inflation_cost(circumscribed, inscribed, self.cost_scaling_factor))
+        if cost >= CORNER_COST:
+            return
+        better = f"{math.log(2.0) / (circumscribed - inscribed):.2g}"
+        message = (
+            f"cost_scaling_factor = {self.cost_scaling_factor:g}: where a corner still reaches an obstacle as the robot turns "
+            f"({circumscribed:.2f} m from its center), the cost is {cost} of 252, so plans pass closer than that (down to "
+            f"{inscribed:.2f} m) and the robot cannot turn there; set it to {better}"
+        )
+        yield Issue("info", "steep-inflation", ("cost_scaling_factor",), message, better)
 
     def _check_gradient(self, context: CheckContext) -> Iterator[Issue]:
         factor, resolution = self.cost_scaling_factor, context.costmap.resolution

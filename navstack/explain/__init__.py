@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from navstack.explain.passages import PassageReport as PassageReport
     from navstack.explain.passages import Rating as Rating
     from navstack.explain.passages import find_passages as find_passages
+    from navstack.explain.passages import narrow_advice as narrow_advice
     from navstack.explain.printing import print_cell as print_cell
     from navstack.explain.printing import print_command as print_command
     from navstack.explain.printing import print_goal as print_goal

@@ -5,13 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap, Footprint, FrameTree, InputError, OccupancyGrid, Pose2D
+from navstack.core import (
+    INSCRIBED,
+    LETHAL,
+    UNKNOWN,
+    Costmap,
+    Footprint,
+    FrameTree,
+    InputError,
+    NavError,
+    OccupancyGrid,
+    Pose2D,
+)
 from navstack.costmap import (
     InflationLayer,
     KeepoutMaskLayer,
@@ -25,6 +36,8 @@ from navstack.explain.narrow_places import NarrowPlace, narrow_places
 from navstack.map_io import load_map
 from navstack.parameters import Configuration, CostmapConfiguration
 from navstack.plugins import Layer, Plugin
+from navstack.record import Record
+from navstack.scenario import Scenario
 
 Rating = Literal["free", "costly", "blocked"]
 RATINGS: tuple[Rating, ...] = ("free", "costly", "blocked")
@@ -455,3 +468,50 @@ def _unknown_border(known: NDArray[np.bool_], wall: NDArray[np.bool_]) -> float:
     beside[:, :-1] |= free[:, 1:]
     unknown, walls = int((beside & ~known).sum()), int((beside & wall).sum())
     return unknown / (unknown + walls) if unknown + walls else 0.0
+
+
+# --- openings that stop a robot ---------------------------------------------------------------------------------------
+
+_AHEAD_M: Final = 1.0
+"""A goal that fails at most this far from an opening, from the robot's circumscribed circle, may fail because of it."""
+
+
+def narrow_advice(record: Record) -> tuple[str, ...]:
+    """Return the openings next to which goals of a run failed and in which its robot cannot turn, a sentence each.
+
+    Nothing for a run whose goals were reached, and for one that no map and parameters belong to: a log.
+    """
+    failed = [k for k, result in enumerate(record.results) if result.get("state") not in ("SUCCEEDED", "PREEMPTED")]
+    try:
+        scenario = Scenario.from_record(record) if failed else None
+    except NavError:
+        return ()
+    if scenario is None or scenario.map is None:
+        return ()
+    report = find_passages(scenario.configuration, scenario.map, turning_radius=0.0)
+    radius = report.circumscribed_radius
+    found: dict[int, list[int]] = {}
+    for k in failed:
+        end = float(record.goal_times[k]) + float(record.results[k].get("time_s", 0.0))
+        x, y, _ = record.poses[record.index_at(end)]
+        near = [(math.hypot(p.x - x, p.y - y), n) for n, p in enumerate(report.passages) if not p.can_turn]
+        distance, number = min(near, default=(math.inf, -1))
+        if distance <= radius + _AHEAD_M:
+            found.setdefault(number, []).append(k + 1)
+    return tuple(_narrow_sentence(report, report.passages[n], goals) for n, goals in found.items())
+
+
+def _narrow_sentence(report: PassageReport, passage: Passage, goals: list[int]) -> str:
+    where = f"the opening at ({passage.x:.2f}, {passage.y:.2f})"
+    which = f"goal {goals[0]} ended" if len(goals) == 1 else f"goals {', '.join(map(str, goals))} ended"
+    widths = report.widths
+    if not passage.fits:
+        needs = f"the robot is {widths.robot:.2f} m wide"
+    elif report.footprint.is_round:
+        needs = f"the robot has a diameter of {widths.robot:.2f} m"
+    else:
+        needs = f"the robot is {widths.robot:.2f} m wide and needs {widths.turning:.2f} m to turn"
+    return (
+        f"{which} next to {where}, which is {passage.width:.2f} m wide: {needs}; navstack explain passages lists all that are "
+        "too narrow"
+    )

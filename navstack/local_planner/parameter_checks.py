@@ -184,4 +184,4 @@ def scoring_scale(
         f"while a meter of progress is worth {meter:g} (goal_distance_bias {goal_distance_bias:g}) and the whole horizon of "
         f"{horizon:.2g} m {meter * horizon:.3g}; {fix}"
     )
-    yield Issue("warning", "scoring-scale", ("occdist_scale",), message)
+    yield Issue("warning", "scoring-scale", ("occdist_scale",), message, f"{occdist_scale / factor:.6g}")

@@ -22,7 +22,7 @@ FIRST = "laser"
 ASSUMED_FOV = 1.5 * math.pi
 """Field of view of a lidar that no file of the robot describes (rad)."""
 ASSUMED_RANGE_MIN = 0.05
-_SIMULATED = ("LaserScan", "PointCloud2")
+_SIMULATED = ("LaserScan", "PointCloud2", "PointCloud")
 
 
 def sources_of(costmaps: Sequence[CostmapSetup], *, enabled_only: bool = True) -> dict[str, SensorSource]:
@@ -326,12 +326,10 @@ def nothing_feeds(configuration: Configuration) -> Iterator[Problem]:
         if _is_fed(sim, source) or topic in reported:
             continue
         reported.add(topic)
-        fix = "set data_type: PointCloud2 to simulate it from the rays of a lidar"
-        if source.data_type in _SIMULATED:
-            message = "" if source.data_type == "LaserScan" else f", message: {source.data_type}"
-            name = topic.replace("/", "_")
-            lasers = ", ".join([*sim.lasers, name])
-            fix = f"write `navstack: {{sim: {{lasers: [{lasers}], {name}: {{topic: {topic}{message}}}}}}}`"
+        kind = "" if source.data_type == "LaserScan" else f", message: {source.data_type}"
+        name = topic.replace("/", "_")
+        lasers = ", ".join([*sim.lasers, name])
+        fix = f"write `navstack: {{sim: {{lasers: [{lasers}], {name}: {{topic: {topic}{kind}}}}}}}`"
         message = f"nothing feeds {path}: no simulated sensor publishes {source.data_type} on {topic}; {fix}"
         yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)
 

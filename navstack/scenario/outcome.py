@@ -80,11 +80,16 @@ EXPLAIN_FAILURES: Final = frozenset(
         "cannot-start",
         "window-too-small",
         "inflation-under-radius",
+        "steep-inflation",
         "sideways-command",
         "default-planner",
     }
 )
 """Rules of `navstack check` whose warning explains robots that stop, turn in place or circle around their goal."""
+_INFOS: Final = frozenset({"steep-inflation"})
+"""Those of them that are no warning: most maps have room enough."""
+BACKWARD_M_S: Final = -0.01
+"""A robot with a lower forward velocity drives backward."""
 MUCH_TURNING_S: Final = 15.0
 MUCH_TURNING: Final = 0.25
 """A run that turns in place for longer than both, this time and this share of its time, has a cause worth searching."""
@@ -159,7 +164,7 @@ class GoalOutcome:
 
 def failure_advice(findings: Sequence[Finding]) -> tuple[str, ...]:
     """Return the findings that may explain runs that fail, with file and line."""
-    return _findings_of(EXPLAIN_FAILURES, [f for f in findings if f.severity == "warning"])
+    return _findings_of(EXPLAIN_FAILURES, [f for f in findings if f.severity == "warning" or f.rule in _INFOS])
 
 
 def collision_advice(findings: Sequence[Finding], *, seen: bool = False) -> tuple[str, ...]:
@@ -167,14 +172,27 @@ def collision_advice(findings: Sequence[Finding], *, seen: bool = False) -> tupl
     return _findings_of(EXPLAIN_COLLISIONS - _SENSORS if seen else EXPLAIN_COLLISIONS, findings)
 
 
+def _backward_advice(count: int, collisions: int) -> str:
+    which = "the collision" if collisions == 1 else f"{count} of {collisions} collisions"
+    return (
+        f"the robot drove backward into the obstacle of {which}, which the local costmap did not have: its sensors do not see "
+        "what is behind it; forbid the controller to drive backward (min_vel_x: 0), or describe a sensor that sees behind "
+        "(navstack: sim:)"
+    )
+
+
 def advice_for(
-    metrics: RunMetrics, findings: Sequence[Finding], collisions: int = 0, marked: Sequence[float] = ()
+    metrics: RunMetrics,
+    findings: Sequence[Finding],
+    collisions: int = 0,
+    marked: Sequence[float] = (),
+    backward: Sequence[float] = (),
 ) -> tuple[str, ...]:
     """Return what may explain a run that missed goals, collided, or turned in place for long; none for other runs.
 
     These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose, and so do
     recovery behaviors: their time is subtracted. `marked`: times (s) of the collisions with obstacles that the local costmap had;
-    no sensor is their cause.
+    no sensor is their cause. `backward`: times (s) of the collisions into which the robot drove backward.
     """
     turned = metrics.turning_s - metrics.state_s.get("CLEARING", 0.0)
     turning = turned > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
@@ -185,6 +203,9 @@ def advice_for(
             f"the local costmap had the obstacle of {which}, so no sensor is the cause: the base does not drive what the "
             f"controller checks; navstack explain command RUN --time {max(0.0, marked[0] - 0.5):.1f} shows the command before it"
         )
+    unseen = [t for t in backward if t not in marked]
+    if unseen:
+        advice.append(_backward_advice(len(unseen), collisions))
     if metrics.succeeded < metrics.goals or turning:
         advice += failure_advice(findings)
     if turning:

@@ -42,7 +42,14 @@ from navstack.scenario.goal_sequence import GoalSequence, SentGoal
 from navstack.scenario.interactions import effect_ends
 from navstack.scenario.interventions import Interventions
 from navstack.scenario.low_battery import LowBattery
-from navstack.scenario.outcome import GoalOutcome, RunMeasurements, RunResult, WarningCollector, advice_for
+from navstack.scenario.outcome import (
+    BACKWARD_M_S,
+    GoalOutcome,
+    RunMeasurements,
+    RunResult,
+    WarningCollector,
+    advice_for,
+)
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.steps import DockStep, Step, UndockStep, motion_of
 from navstack.scenario.success import SuccessConditions
@@ -55,7 +62,19 @@ def advice_of(record: Record) -> tuple[str, ...]:
         findings = Scenario.from_record(record).configuration.findings
     except NavError:  # a log, or parameters of another version
         findings = ()
-    return advice_for(metrics_of(record), findings, len(record.collisions), marked_collisions(record))
+    return _advice_of(record, metrics_of(record), findings)
+
+
+def _advice_of(record: Record, metrics: RunMetrics, findings: Sequence[Finding]) -> tuple[str, ...]:
+    marked, backward = marked_collisions(record), backward_collisions(record)
+    return advice_for(metrics, findings, len(record.collisions), marked, backward)
+
+
+def backward_collisions(record: Record) -> list[float]:
+    """Return the times (s) of the collisions into which the robot drove backward."""
+    before = np.searchsorted(record.times, record.collision_times, side="left") - 1
+    backward = (before >= 0) & (record.velocities[before, 0] < BACKWARD_M_S)
+    return record.collision_times[backward].tolist()
 
 
 def marked_collisions(record: Record) -> list[float]:
@@ -74,7 +93,7 @@ def marked_collisions(record: Record) -> list[float]:
 def advice_for_goal(record: Record, findings: Sequence[Finding], *, failed: bool) -> tuple[str, ...]:
     """Return what may explain one goal of a record, with the findings about the parameters in force; see `advice_for`."""
     metrics = replace(metrics_of(record), goals=1, succeeded=int(not failed))
-    return advice_for(metrics, findings, len(record.collisions), marked_collisions(record))
+    return _advice_of(record, metrics, findings)
 
 
 def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:
@@ -218,6 +237,8 @@ class Run:
         self._collisions_noted = 0
         self._marked_times: list[float] = []
         """Times of the collisions with obstacles that the local costmap had (s)."""
+        self._backward_times: list[float] = []
+        """Times of the collisions into which the robot drove backward (s)."""
         self._unrecorded: deque[SentGoal] = deque()
         self._idle_cycles = 0
         self.done = False
@@ -256,9 +277,9 @@ class Run:
             due = min(due, robot.time + LONGEST_IDLE_S)
         if self.interventions.repeat_teleop():
             due = min(due, robot.time + DRIVING_S)
-        before = robot.time
+        before, backward = robot.time, robot.state().velocity.vx < BACKWARD_M_S
         robot.advance_to(min(due, move_base.next_due(before)))
-        self._note_marks()
+        self._note_collisions(backward=backward)
         move_base.tick(robot.time)
         goals.advance_tasks(move_base)
         if self.timings is not None:
@@ -281,8 +302,11 @@ class Run:
         goals.end_expired_motion(move_base)
         return True
 
-    def _note_marks(self) -> None:
-        """Notes which of the new collisions are with obstacles that the controller's costmap had."""
+    def _note_collisions(self, *, backward: bool) -> None:
+        """Notes which of the new collisions are with obstacles that the controller's costmap had.
+
+        `backward`: the robot drove backward into them.
+        """
         robot = self.robot
         if len(robot.collisions) == self._collisions_noted:
             return
@@ -291,6 +315,8 @@ class Run:
         for collision in robot.collisions[self._collisions_noted :]:
             if touches_lethal(costmap.master, robot.footprint, from_map.apply(collision.pose)):
                 self._marked_times.append(collision.time)
+            if backward:
+                self._backward_times.append(collision.time)
         self._collisions_noted = len(robot.collisions)
 
     @property
@@ -370,7 +396,11 @@ class Run:
             min_clearance_m=self._measurements.min_clearance(),
             warnings=self._warnings.warnings(),
             advice=advice_for(
-                metrics, self.scenario.configuration.findings, len(self.robot.collisions), self._marked_times
+                metrics,
+                self.scenario.configuration.findings,
+                len(self.robot.collisions),
+                self._marked_times,
+                self._backward_times,
             ),
         )
 

@@ -292,7 +292,7 @@ class Lidar:
         """
         p = self.params
         solids_then = world.solids_at(stamp) if solids is None else solids
-        if p.message == "PointCloud2":
+        if p.message != "LaserScan":
             ranges = self._ranges(world, base, index, solids_then)
             seen = np.isfinite(ranges) & (ranges < p.range_max)
             points = np.column_stack((self._beams[seen] * ranges[seen, None], np.full(int(seen.sum()), p.height)))

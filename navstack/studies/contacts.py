@@ -93,6 +93,41 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True)
+class SeenWall:
+    """What a robot touched that stands still, and since when it knew it."""
+
+    shape: shapely.Polygon
+    since: float
+    """Time (s) of the first scan with a point on it; inf without one."""
+
+
+class SeenPoints:
+    """Where scans had points, in cells of 2 * SEEN_M, and since when."""
+
+    def __init__(self) -> None:
+        self._since: dict[tuple[int, int], float] = {}
+
+    def add(self, points: NDArray[np.float64], time: float) -> None:
+        """Add the points (k, 2) of a scan."""
+        cells: NDArray[np.int64] = np.unique(np.floor(points / (2.0 * SEEN_M)).astype(np.int64), axis=0)
+        for cell in map(tuple, cells.tolist()):
+            self._since.setdefault(cell, time)
+
+    def wall(self, shape: shapely.Polygon) -> SeenWall:
+        """Return since when a shape that stands still is seen."""
+        size = 2.0 * SEEN_M
+        low_x, low_y, high_x, high_y = (math.floor(v / size) for v in shape.buffer(SEEN_M).bounds)
+        near = (
+            since
+            for ix in range(low_x, high_x + 1)
+            for iy in range(low_y, high_y + 1)
+            if (since := self._since.get((ix, iy))) is not None
+            and shape.distance(shapely.Point((ix + 0.5) * size, (iy + 0.5) * size)) <= size
+        )
+        return SeenWall(shape, min(near, default=math.inf))
+
+
+@dataclass(frozen=True, slots=True)
 class Moment:
     """The state at a check: a cycle in which a command is sent."""
 
@@ -105,13 +140,16 @@ class Moment:
     sight: Sight
 
 
-def cause_of(robot: Braking, moments: Sequence[Moment], collision: Collision) -> Cause:
-    """Return why the robot touched the obstacle; `moments` are the checks before it, at least one, oldest first."""
+def cause_of(robot: Braking, moments: Sequence[Moment], collision: Collision, wall: SeenWall | None = None) -> Cause:
+    """Return why the robot touched the obstacle; `moments` are the checks before it, at least one, oldest first.
+
+    `wall`: what it touched of the map, if it touched that; what stands still and was seen once is known.
+    """
     last = moments[-1]
     if max(_fastest(robot, last.velocity), _fastest(robot, last.sent_before)) < _STANDING_M_S:
         return "it moved into the standing robot"
-    if collision.kind == "map":
-        return UNEXPLAINED  # walls are always seen
+    if wall is not None:
+        return _cause_by_wall(robot, moments, wall)
     seen = next((m for m in moments if _is_seen(m, collision)), None)
     if seen is None or not _can_stop(robot, seen, moments, collision):
         return "seen too late"
@@ -147,6 +185,16 @@ def _fastest(robot: Braking, velocity: Twist2D) -> float:
     return velocity.speed + abs(velocity.wz) * robot.footprint.circumscribed_radius
 
 
+def _cause_by_wall(robot: Braking, moments: Sequence[Moment], wall: SeenWall) -> Cause:
+    """Return whether the robot could know what stands there, in time for a stop."""
+    seen = next((m for m in moments if m.time >= wall.since - 1e-9), None)
+    if seen is None:
+        return "not in view"
+    if seen is not moments[0] and any(body.intersects(wall.shape) for _, body in robot.outlines(seen, Twist2D())):
+        return "seen too late"
+    return UNEXPLAINED
+
+
 def _cause_by_checks(robot: Braking, moments: Sequence[Moment], collision: Collision) -> Cause:
     """Compare the checks with what can be guaranteed: nothing is touched that is seen and stays where it is.
 
@@ -170,6 +218,11 @@ def _is_seen(moment: Moment, collision: Collision) -> bool:
     shape = _obstacle(moment.sight.solids, collision)
     near = shapely.dwithin(shape, shapely.points(moment.sight.points), SEEN_M)
     return int(near.sum()) >= MIN_POINTS
+
+
+def touched_cell(collision: Collision, resolution: float) -> shapely.Polygon:
+    """Return the cell of the map that the robot touched; `resolution` in meters."""
+    return shapely.Point(collision.at).buffer(0.5 * resolution, cap_style="square")
 
 
 def _obstacle(solids: Solids, collision: Collision) -> shapely.Polygon:
@@ -209,27 +262,34 @@ class ContactWatch:
         self._braking = _braking(run)
         self._moments: deque[Moment] = deque()
         self._sight = sight_of(None, robot.pose, robot.solids)
+        self._seen = SeenPoints()
         self._sent = Twist2D()
 
     def look(self) -> None:
         """Find the causes of the new contacts; remember the current state."""
         robot, tick = self._run.robot, self._run.move_base.last_tick
-        if not robot.world.moves:  # the robot's motion alone is the cause
-            self.causes = [UNEXPLAINED] * len(robot.collisions)
-            return
         for collision in robot.collisions[len(self.causes) :]:
             before = [m for m in self._moments if m.time < collision.time - 1e-9]
-            self.causes.append(cause_of(self._braking, before, collision) if before else UNEXPLAINED)
+            wall = self._wall(collision)
+            self.causes.append(cause_of(self._braking, before, collision, wall) if before else UNEXPLAINED)
         scan = next((s for s in reversed(tick.scans) if isinstance(s, LaserScan) and s.frame in self._mounts), None)
         if scan is not None:
             sensor = Transform2D(*robot.pose).apply(self._mounts[scan.frame])
             self._sight = sight_of(scan, sensor, robot.solids)
+            self._seen.add(self._sight.points, robot.time)
         sent, now = self._run.move_base.command, robot.time
         moment = Moment(now, robot.pose, robot.state().velocity, self._sent, sent, robot.solids, self._sight)
         self._sent = sent
         self._moments.append(moment)
         while self._moments[0].time < now - _REMEMBERED_S:
             self._moments.popleft()
+
+    def _wall(self, collision: Collision) -> SeenWall | None:
+        """Return what the robot touched if it stands still; None for what moves."""
+        robot = self._run.robot
+        if collision.kind == "map":
+            return self._seen.wall(touched_cell(collision, self._run.scenario.map.geometry.resolution))
+        return None if robot.world.moves else self._seen.wall(_obstacle(robot.solids, collision))
 
 
 def _braking(run: Run) -> Braking:

@@ -31,7 +31,13 @@ LIMIT_FACTOR: Final = 6.0
 SHORTER: Final = 0.9
 """A fix helps if more goals are reached, if the drives take at most this share of the time, or .."""
 LEAST_IDLE_S: Final = 10.0
-""".. if they turn in place or stand for half the time in the same time, and for at least this much less (s)."""
+""".. if they turn in place or stand for half the time, for at least this much less (s), and take .."""
+LONGER: Final = 1.1
+""".. at most this many times as long."""
+MOST_PATH_PER_GOAL: Final = 3.0
+"""A path_distance_bias of more goal_distance_biases is a possible cause; the turtlebot's, which drives, is 2.7 of them."""
+PATH_PER_GOAL: Final = 4.0 / 3.0
+"""The ratio of ROS's defaults before 2018, 32 and 24, from which most robots' weights come; 0.75 since then."""
 MOST_FIXES: Final = 3
 PAIRS_TRIED: Final = 60
 SHORTEST_M: Final = 3.0
@@ -101,7 +107,7 @@ class Drives:
         if self.time_s <= SHORTER * other.time_s:
             return True
         return (
-            self.idle_s <= min(0.5 * other.idle_s, other.idle_s - LEAST_IDLE_S) and self.time_s <= 1.05 * other.time_s
+            self.idle_s <= min(0.5 * other.idle_s, other.idle_s - LEAST_IDLE_S) and self.time_s <= LONGER * other.time_s
         )
 
     def effect(self, before: Drives) -> str:
@@ -227,21 +233,24 @@ def _value_at(tree: Mapping[str, Any], name: str) -> Any:
 
 
 def _scoring(configuration: Configuration) -> Iterator[Cause]:
-    """Yield the other scale of DWA's weights, and lighter obstacles where `navstack check` finds them too heavy."""
+    """Yield the other scale of the weights, and lighter obstacles where `navstack check` finds them too heavy."""
     planner = configuration.local_planner
-    if planner.name != "dwa":
-        return
-    distro = configuration.navstack.ros_distro
-    other = "noetic" if distro == "indigo" else "indigo"
-    meant = "before 2018 (weights per cell)" if other == "indigo" else "after 2018 (weights per meter)"
-    text = (
-        f"the weights of {planner.namespace} may be meant for the scoring of releases {meant}: ros_distro is {distro}"
-    )
-    yield Cause("scoring-scale", text, {"navstack/ros_distro": other})
+    if planner.name == "dwa" or getattr(planner.params, "meter_scoring", False):
+        distro = configuration.navstack.ros_distro
+        other = "noetic" if distro == "indigo" else "indigo"
+        meant = "before 2018 (weights per cell)" if other == "indigo" else "after 2018 (weights per meter)"
+        text = f"the weights of {planner.namespace} may be meant for the scoring of releases {meant}: ros_distro is {distro}"
+        yield Cause("scoring-scale", text, {"navstack/ros_distro": other})
+    path, goal = (getattr(planner.params, f"{what}_distance_bias", 0.0) for what in ("path", "goal"))
+    if path > MOST_PATH_PER_GOAL * goal > 0.0:
+        name = f"{planner.namespace}/path_distance_bias"
+        text = (
+            f"{name} = {path:g} is {path / goal:.1f} times goal_distance_bias: staying on the path outweighs progress"
+        )
+        yield Cause("heavy-path", text, {name: round(PATH_PER_GOAL * goal, 6)})
     heavy = next((f for f in configuration.findings if f.rule == "scoring-scale"), None)
-    if heavy is not None:
-        lighter = planner.params.occdist_scale * 2.0 * configuration.local_costmap.params.resolution
-        yield Cause("heavy-obstacles", heavy.message, {f"{planner.namespace}/occdist_scale": round(lighter, 6)})
+    if heavy is not None and heavy.suggestion is not None:
+        yield Cause("heavy-obstacles", heavy.message, {f"{planner.namespace}/occdist_scale": float(heavy.suggestion)})
 
 
 def _inflation(configuration: Configuration, passages: PassageReport) -> Iterator[Cause]:
@@ -259,6 +268,10 @@ def _inflation(configuration: Configuration, passages: PassageReport) -> Iterato
     if least < around:
         text = f"inflation_radius = {least:g} m does not cover the robot (circumscribed radius {around - 0.05:.2f} m)"
         yield Cause("thin-inflation", text, {f"{layer.namespace}/inflation_radius": around for layer in layers})
+    steep = next((f for f in configuration.findings if f.rule == "steep-inflation"), None)
+    if steep is not None and steep.suggestion is not None:
+        settings = {f"{layer.namespace}/cost_scaling_factor": float(steep.suggestion) for layer in layers}
+        yield Cause("steep-inflation", steep.message, settings)
     tight = [p for p in passages.passages if p.fits and p.rating != "free"]
     if tight:
         steep = {
@@ -425,8 +438,10 @@ def diagnose(
     usable = [cause for cause in causes if _is_valid(configuration, cause)]
     alone = [Tried(c, base, after) for c, after in zip(usable, measure("fixes", [(c,) for c in usable]), strict=True)]
     ranked = tuple(sorted(alone, key=lambda tried: tried.after.order))
-    chosen: list[Tried] = [ranked[0]] if ranked and ranked[0].helps else []
-    left = [tried.cause for tried in ranked[1:] if tried.helps]
+    chosen = [tried for tried in ranked if tried.helps][:1]
+    # of two causes, the fix of the second may help on top of that of the first only
+    failing = bool(chosen) and chosen[0].after.reached < len(drives)
+    left = [tried.cause for tried in ranked if tried not in chosen and (tried.helps or failing)]
     while chosen and left and len(chosen) < MOST_FIXES:
         before = chosen[-1].after
         kept = tuple(tried.cause for tried in chosen)
@@ -438,7 +453,8 @@ def diagnose(
         if not best.helps:
             break
         chosen.append(best)
-        left = [tried.cause for tried in more if tried.helps and tried is not best]
+        failing = best.after.reached < len(drives)
+        left = [tried.cause for tried in more if tried is not best and (tried.helps or failing)]
     return Diagnosis(base, passages, ranked, tuple(chosen))
 
 

@@ -16,7 +16,16 @@ from navstack.core import Footprint, GridGeometry, LaserScan, OccupancyGrid, Pos
 from navstack.parameters import CollisionMonitorParams, LidarParams, MonitorSourceParams, SimParams, ZoneParams
 from navstack.safety import CollisionMonitor, CommandChain
 from navstack.sim import Collision, DoorMotion, OnTrack, PedestrianMotion, Shape, SimulatedRobot, World
-from navstack.studies.contacts import MIN_POINTS, UNEXPLAINED, Braking, Moment, cause_of, sight_of
+from navstack.studies.contacts import (
+    MIN_POINTS,
+    UNEXPLAINED,
+    Braking,
+    Moment,
+    SeenPoints,
+    cause_of,
+    sight_of,
+    touched_cell,
+)
 from navstack.studies.jobs import Job, JobResult
 from navstack.studies.table import Column, Table
 from navstack.studies.task import Report, Task
@@ -230,11 +239,14 @@ class SafetyDrive:
     def __init__(self, number: int, *, monitored: bool, log: bool = False) -> None:
         """`log` keeps the moments, which explanations need."""
         self.scene = safety_scene(number)
-        world = World(room(), shapes=self.scene.shapes)
-        self.robot = SimulatedRobot(self.scene.sim, world, self.scene.robot.footprint, self.scene.start, seed=number)
+        self.world = World(room(), shapes=self.scene.shapes)
+        self.robot = SimulatedRobot(
+            self.scene.sim, self.world, self.scene.robot.footprint, self.scene.start, seed=number
+        )
         monitor = build_monitor(self.scene, self.robot) if monitored else None
         self.chain = CommandChain(self.robot, monitor=monitor)
         self.moments: list[Moment] = []
+        self.seen = SeenPoints()
         self._log = log
         self.moved = 0.0
         """Path length driven (m)."""
@@ -255,6 +267,7 @@ class SafetyDrive:
             if self._log:
                 scan = next((s for s in scans if isinstance(s, LaserScan)), None)
                 sight = sight_of(scan, robot.pose, robot.solids)
+                self.seen.add(sight.points, now)
                 velocity = robot.state().velocity
                 self.moments.append(Moment(now, robot.pose, velocity, before, sent, robot.solids, sight))
         self.moved = robot.distance_travelled
@@ -277,7 +290,9 @@ def contacts_of(drive: SafetyDrive) -> list[Contact]:
 
 def _explained(drive: SafetyDrive, collision: Collision) -> Contact:
     moments = [m for m in drive.moments if m.time < collision.time - 1e-9]
-    cause = cause_of(braking(drive.scene), moments, collision)
+    is_wall = collision.kind == "map"
+    wall = drive.seen.wall(touched_cell(collision, drive.world.map.geometry.resolution)) if is_wall else None
+    cause = cause_of(braking(drive.scene), moments, collision, wall)
     return Contact(collision.time, collision.name or collision.kind, cause)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +14,13 @@ from hypothesis import strategies as st
 from rich.console import Console
 from scipy import ndimage
 
-from navstack.core import INSCRIBED, Footprint, GridGeometry, InputError, OccupancyGrid
-from navstack.explain import PassageReport, find_passages, print_passages
+from navstack.core import INSCRIBED, Footprint, GridGeometry, InputError, OccupancyGrid, Pose2D
+from navstack.explain import PassageReport, find_passages, narrow_advice, print_passages
 from navstack.explain.narrow_places import narrow_places
 from navstack.explain.passages import own_width
 from navstack.map_io import load_map
 from navstack.parameters import Configuration, load_configuration
+from navstack.scenario import Scenario, run_scenario
 from tests.explain.rooms import RESOLUTION, bare_room, two_rooms, with_boxes
 
 
@@ -364,3 +366,26 @@ def test_the_search_is_as_wide_as_the_robot_needs_and_says_that_it_found_none() 
     print_passages(out, report, "room")
     shown = out.file.getvalue()  # type: ignore[attr-defined]
     assert shown.startswith(f"passages of room: none narrower than {report.widest:.2f} m") and "no." not in shown
+
+
+# --- openings that stop a robot ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_failed_goal_names_the_opening_next_to_it_in_which_the_robot_cannot_turn() -> None:
+    def advice(width: float, time_limit_s: float) -> tuple[str, ...]:
+        room = two_rooms({0.0: width})
+        ends: Any = {"start": Pose2D(0.0, -1.0, 1.57), "goals": (Pose2D(0.0, 1.5, 1.57),)}
+        made = Scenario(map=room, configuration=long, time_limit_s=time_limit_s, **ends)
+        result = run_scenario(made)
+        assert result.recorder is not None
+        return narrow_advice(result.recorder.record())
+
+    outline = "[[0.1, 0.25], [0.1, -0.25], [-0.4, -0.25], [-0.4, 0.25]]"
+    costmaps = ("global_costmap", "local_costmap")
+    long = load_configuration(["turtlebot"], overrides=[f"{name}/footprint={outline}" for name in costmaps])
+    (found,) = advice(0.8, 1.0)
+    assert found.startswith("goal 1 ended next to the opening at (0.0")
+    assert "which is 0.80 m wide: the robot is 0.50 m wide and needs 0.94 m to turn" in found
+    assert advice(1.2, 1.0) == ()  # it can turn there
+    assert advice(0.8, 60.0) == ()  # the goal is reached

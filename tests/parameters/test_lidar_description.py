@@ -61,10 +61,11 @@ def test_a_base_that_nothing_describes_accelerates_as_the_trajectories_of_its_pl
         assert not [f for f in other.findings if f.rule == "assumed-base"]
 
 
-def test_a_cloud_is_simulated_from_the_same_rays() -> None:
-    loaded = load_configuration([robot({"scan": "LaserScan", "camera/points": "PointCloud2"})])
+@pytest.mark.parametrize("kind", ["PointCloud2", "PointCloud"])  # PointCloud is the default of ROS 1
+def test_a_cloud_is_simulated_from_the_same_rays(kind: str) -> None:
+    loaded = load_configuration([robot({"scan": "LaserScan", "camera/points": kind})])
     scan, cloud = lidars(loaded).values()
-    assert (scan.message, cloud.message, cloud.topic) == ("LaserScan", "PointCloud2", "camera/points")
+    assert (scan.message, cloud.message, cloud.topic) == ("LaserScan", kind, "camera/points")
     assert (scan.fov, scan.range_max) == (cloud.fov, cloud.range_max)
     assert not [f for f in loaded.findings if f.rule == "nothing-feeds"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -114,6 +115,25 @@ def test_each_rule_finds_its_combination_with_the_numbers(
     # a warning does not prevent loading, and the correct robot has none
     load_configuration([robot(**more)])
     assert rule not in rules_of()
+
+
+def test_steep_inflation_of_a_robot_whose_corners_reach_far() -> None:
+    long = {"footprint": [[0.1, 0.2], [0.1, -0.2], [-0.4, -0.2], [-0.4, 0.2]]}
+    reach = math.hypot(0.4, 0.2) - 0.1  # padding moves both radii outward
+    factor = math.log(252.0 / 20.0) / reach
+
+    def finding(cost_scaling_factor: float, inflation_radius: float = 0.8, **more: Any) -> list[Finding]:
+        layer = {"cost_scaling_factor": cost_scaling_factor, "inflation_radius": inflation_radius}
+        both = {f"{c}_costmap__inflation_layer": layer for c in ("global", "local")}
+        return [f for f in check_parameters([robot(**{**both, **long, **more})]) if f.rule == "steep-inflation"]
+
+    [found] = finding(factor)
+    assert found.severity == "info" and found.key.startswith("global_costmap/")  # the plan is made there
+    assert "(0.46 m from its center), the cost is 19 of 252" in found.message
+    assert found.suggestion is not None and not finding(float(found.suggestion))
+    assert finding(0.9 * factor) == []
+    assert finding(factor, footprint=None, robot_radius=0.4) == []
+    assert finding(factor, 0.4) == []  # inflation-under-radius says it
 
 
 def test_dwa_is_as_fast_as_the_lower_of_its_two_limits() -> None:

@@ -296,7 +296,8 @@ def test_a_run_and_its_record_know_whether_the_costmap_had_what_the_robot_touche
     result = run.result(0.0)
     assert result.collisions == 1
     assert any("the local costmap had the obstacle" in line for line in result.advice) == had
+    assert any("the robot drove backward into the obstacle" in line for line in result.advice) == (speed < 0.0)
     run.stop()
     assert run.recorder is not None
     record = run.recorder.record()
-    assert any("the local costmap had the obstacle" in line for line in advice_of(record)) == had
+    assert advice_of(record) == result.advice

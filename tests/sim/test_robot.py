@@ -225,12 +225,13 @@ def test_two_lidars() -> None:
         robot(SimParams(lasers=["a", "b"], sensors={"a": LidarParams(), "b": LidarParams(yaw=1.0)}))
 
 
-def test_a_cloud_holds_the_points_that_the_beams_of_the_scan_hit() -> None:
+@pytest.mark.parametrize("kind", ["PointCloud2", "PointCloud"])
+def test_a_cloud_holds_the_points_that_the_beams_of_the_scan_hit(kind: str) -> None:
     both = {
         "scan": LidarParams(frame="a", topic="scan", fov=2.0, beams=41, x=0.2, yaw=0.3, range_min=0.05),
         "cloud": LidarParams(frame="b", topic="cloud", fov=2.0, beams=41, x=0.2, yaw=0.3, range_min=0.05, height=0.4),
     }
-    both["cloud"] = both["cloud"].model_copy(update={"message": "PointCloud2"})
+    both["cloud"] = both["cloud"].model_copy(update={"message": kind})
     it = robot(SimParams(lasers=["scan", "cloud"], sensors={**both}), world=corridor(2, 0.05))
     scan, cloud = it.scans()
     assert isinstance(scan, LaserScan) and isinstance(cloud, PointCloud)

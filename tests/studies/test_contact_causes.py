@@ -11,7 +11,7 @@ import pytest
 from navstack.core import Footprint, Pose2D, Twist2D
 from navstack.sim import Collision, Solids
 from navstack.sim.solids import solids_from_discs
-from navstack.studies.contacts import Braking, Moment, Sight, cause_of
+from navstack.studies.contacts import Braking, Moment, SeenPoints, Sight, cause_of, touched_cell
 
 PERIOD_S = 0.1
 ROBOT = Braking(Footprint.from_radius(0.2), False, False, (1.0, math.inf, 2.0), 0.0, PERIOD_S)
@@ -63,7 +63,22 @@ def test_a_person_out_of_view_is_no_reason_to_stop() -> None:
     assert cause(blind) == "not in view"
 
 
-def test_walls_are_always_seen() -> None:
-    moments = drive([0.5] * 3, [9.0] * 3)
-    hit = Collision(0.3, Pose2D(0.15, 0.0), "map", 0, (0.4, 0.0))
-    assert cause_of(ROBOT, moments, hit) == "unexplained"
+def wall_cause(seen_at: float | None, speeds: list[float] | None = None) -> str:
+    """The robot drives into a cell of the map at x = 0.4 m, which a scan shows at a time (s), or never."""
+    moments = drive(speeds or [0.5] * 5, [9.0] * 5)
+    hit = Collision(0.5, Pose2D(0.2, 0.0), "map", 0, (0.425, 0.0))
+    seen = SeenPoints()
+    if seen_at is not None:
+        seen.add(np.array([[0.4, 0.01], [0.4, -0.01]]), seen_at)
+    seen.add(np.array([[3.0, 0.0]]), 0.0)
+    return cause_of(ROBOT, moments, hit, seen.wall(touched_cell(hit, 0.05)))
+
+
+def test_a_wall_is_the_robots_fault_if_it_saw_it_in_time() -> None:
+    assert wall_cause(0.0) == "unexplained"
+    # before the moments that are kept: it stands still, so it is known
+    assert wall_cause(-5.0) == "unexplained"
+    assert wall_cause(None) == "not in view"
+    assert wall_cause(0.4) == "seen too late"
+    # the robot stands: nothing that stands still touches it
+    assert wall_cause(None, [0.0] * 5) == "it moved into the standing robot"

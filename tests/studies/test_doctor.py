@@ -13,9 +13,10 @@ from navstack.cli.app import run as command
 from navstack.explain import find_passages
 from navstack.map_io import load_map
 from navstack.parameters import load_configuration, packaged_folder
-from navstack.scenario import load_places
-from navstack.studies import Cause, make_drives
-from navstack.studies.doctor import Drives, drive, possible_causes
+from navstack.scenario import Scenario, load_places
+from navstack.studies import Cause, doctor, make_drives
+from navstack.studies.doctor import Drives, diagnose, drive, possible_causes
+from navstack.studies.jobs import Job, JobResult
 
 OFFICE = load_map("office")
 
@@ -23,6 +24,10 @@ OFFICE = load_map("office")
 def causes(*overrides: str, robot: str = "turtlebot") -> dict[str, Cause]:
     configuration = load_configuration([robot], overrides=overrides)
     return {c.name: c for c in possible_causes(configuration, find_passages(configuration, OFFICE))}
+
+
+def steepness(factor: str) -> list[str]:
+    return [f"{c}_costmap/inflation_layer/cost_scaling_factor={factor}" for c in ("global", "local")]
 
 
 def drives(*rows: tuple[bool, float, float, int]) -> Drives:
@@ -39,10 +44,21 @@ def test_each_cause_comes_with_the_parameters_that_remove_it() -> None:
     assert heavy.settings == {"DWAPlannerROS/occdist_scale": 0.5}
     assert heavy.overrides == ("DWAPlannerROS/occdist_scale=0.5",)
     assert "heavy-obstacles" not in causes()
+    rollout = ["base_local_planner=base_local_planner/TrajectoryPlannerROS", "TrajectoryPlannerROS/meter_scoring=true"]
+    heavy = causes(*rollout, "TrajectoryPlannerROS/occdist_scale=5.0")["heavy-obstacles"]
+    assert 0.0 < heavy.settings["TrajectoryPlannerROS/occdist_scale"] < 5.0
+    assert causes(*rollout)["scoring-scale"].settings == {"navstack/ros_distro": "noetic"}
+    weights = ("DWAPlannerROS/path_distance_bias=90", "DWAPlannerROS/goal_distance_bias=24")
+    assert causes(*weights)["heavy-path"].settings == {"DWAPlannerROS/path_distance_bias": 32.0}
+    assert "heavy-path" not in causes()
     assert causes("navstack/ros_distro=noetic")["scoring-scale"].settings == {"navstack/ros_distro": "indigo"}
     thin = causes("global_costmap/inflation_layer/inflation_radius=0.1")["thin-inflation"]
     assert set(thin.settings) == {f"{c}_costmap/inflation_layer/inflation_radius" for c in ("global", "local")}
     assert all(value >= 0.25 for value in thin.settings.values())
+    long = "footprint=[[0.1, 0.2], [0.1, -0.2], [-0.4, -0.2], [-0.4, 0.2]]"
+    steep = causes(*(f"{c}_costmap/{long}" for c in ("global", "local")), *steepness("10.0"))["steep-inflation"]
+    assert set(steep.settings) == {f"{c}_costmap/inflation_layer/cost_scaling_factor" for c in ("global", "local")}
+    assert "steep-inflation" not in causes()
     assert causes("DWAPlannerROS/sim_time=0.5")["sim_time"].fix == "DWAPlannerROS/sim_time: 2.0"
     assert causes("DWAPlannerROS/sim_time=4.0")["sim_time"].fix == "DWAPlannerROS/sim_time: 1.7"
     assert "scoring-scale" not in causes(robot="turtlebot_rpp")
@@ -118,3 +134,28 @@ def test_the_doctor_finds_and_writes_the_fix(
 def test_a_packaged_set_is_not_changed(capfd: pytest.CaptureFixture[str]) -> None:
     assert command(["doctor", "turtlebot", "--apply"]) == 2
     assert "--apply cannot change the packaged set turtlebot" in capfd.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_second_of_two_causes_is_found_on_top_of_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second drive needs both fixes; that of controller_frequency alone helps nowhere."""
+
+    def figures(scenario: Scenario) -> dict[str, Any]:
+        configuration = scenario.configuration
+        longer = configuration.local_planner.params.sim_time == 2.0
+        often = configuration.move_base.controller_frequency == 10.0
+        reached = longer and (often or scenario.goals[0] == goals[0])
+        return {"reached": reached, "time_s": 40.0, "turning_s": 0.0, "standing_s": 0.0, "collisions": 0}
+
+    def run_jobs(work: Any, jobs: list[Job], **_: Any) -> list[JobResult]:
+        return [JobResult(job.key, figures(job.input)) for job in jobs]
+
+    monkeypatch.setattr(doctor, "run_jobs", run_jobs)
+    configuration = load_configuration(
+        ["turtlebot"], overrides=["DWAPlannerROS/sim_time=0.5", "controller_frequency=5.0"]
+    )
+    drives = make_drives(OFFICE, configuration, load_places("office"))[:2]
+    goals = [scenario.goals[0] for scenario in drives]
+    found = diagnose(configuration, OFFICE, drives)
+    assert [tried.cause.name for tried in found.chosen] == ["sim_time", "controller_frequency"]
+    assert (found.drives.reached, found.chosen[0].after.reached, found.after.reached) == (0, 1, 2)

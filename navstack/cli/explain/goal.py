@@ -9,7 +9,7 @@ import typer
 
 from navstack.cli import options
 from navstack.cli.output import print_advice, print_files, print_json, stdout
-from navstack.explain import explain_goal, explain_goals, print_goal
+from navstack.explain import explain_goal, explain_goals, narrow_advice, print_goal
 from navstack.plot import plot_goal_reports
 from navstack.record import Record
 from navstack.scenario import advice_of
@@ -26,7 +26,7 @@ def goal(
     """Explain the outcome of a goal: states, plans, failures with their reasons, recoveries, times without progress."""
     record = Record.load(run)
     reports = explain_goals(record) if number is None else (explain_goal(record, number),)
-    advice = advice_of(record)
+    advice = (*advice_of(record), *narrow_advice(record))
     files: dict[str, str] = {}
     if out is not None:
         plot_goal_reports(reports, out, record=record)

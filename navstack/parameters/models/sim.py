@@ -225,8 +225,8 @@ class LidarParams(ParamModel):
     no_return: Literal["inf", "max"] = param(
         "inf", "value of a beam without a return: inf: +inf (REP 117); max: range_max, as older drivers do"
     )
-    message: Literal["LaserScan", "PointCloud2"] = param(
-        "LaserScan", "LaserScan: ranges; PointCloud2: the points that its beams hit, at its height"
+    message: Literal["LaserScan", "PointCloud2", "PointCloud"] = param(
+        "LaserScan", "LaserScan: ranges; PointCloud2, PointCloud: the points that its beams hit, at its height"
     )
 
     @model_validator(mode="after")
