@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,19 +30,20 @@ from navstack.studies.jobs import Job, JobResult
 from navstack.studies.table import Column, Table
 from navstack.studies.task import Report, Task
 
+_NOT_NEGATIVE: Final = (0.0, math.inf)
 MEASURES: Final = (
     Measure("success", "success", 3, +1, both_succeed=False),
     Measure("score", "score", 4, +1, both_succeed=False),
-    Measure("time_s", "time (s)", 1, -1),
-    Measure("length_m", "length (m)", 2, -1),
-    Measure("clearance_min_m", "minimum clearance (m)", 3, +1),
-    Measure("clearance_mean_m", "mean clearance (m)", 3, +1),
-    Measure("speed_mean_m_s", "mean speed (m/s)", 3, 0),
-    Measure("jerk_rms_m_s3", "jerk, rms (m/s³)", 2, -1),
-    Measure("curvature_mean_1_m", "curvature (1/m)", 3, -1),
-    Measure("turning_s", "turning in place (s)", 1, -1),
-    Measure("recoveries", "recoveries", 2, -1, both_succeed=False),
-    Measure("collisions", "collisions", 2, -1, both_succeed=False),
+    Measure("time_s", "time (s)", 1, -1, possible=_NOT_NEGATIVE),
+    Measure("length_m", "length (m)", 2, -1, possible=_NOT_NEGATIVE),
+    Measure("clearance_min_m", "minimum clearance (m)", 3, +1, possible=_NOT_NEGATIVE),
+    Measure("clearance_mean_m", "mean clearance (m)", 3, +1, possible=_NOT_NEGATIVE),
+    Measure("speed_mean_m_s", "mean speed (m/s)", 3, 0, possible=_NOT_NEGATIVE),
+    Measure("jerk_rms_m_s3", "jerk, rms (m/s³)", 2, -1, possible=_NOT_NEGATIVE),
+    Measure("curvature_mean_1_m", "curvature (1/m)", 3, -1, possible=_NOT_NEGATIVE),
+    Measure("turning_s", "turning in place (s)", 1, -1, possible=_NOT_NEGATIVE),
+    Measure("recoveries", "recoveries", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("collisions", "collisions", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
 )
 _FEW_SCENARIOS: Final = 10
 _SCENARIO_COLUMNS: Final = (
