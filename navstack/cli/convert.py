@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -12,8 +11,8 @@ from rich.markup import escape
 
 from navstack.cli import options
 from navstack.cli.output import print_json, print_note, stdout
-from navstack.core import InputError, resolved, write_text
-from navstack.parameters import nearest, to_move_base, to_nav2, tree_yaml
+from navstack.core import InputError, resolved
+from navstack.parameters import nearest, to_move_base, to_nav2
 
 if TYPE_CHECKING:
     from navstack.parameters import Conversion
@@ -23,6 +22,8 @@ DEFAULT_DISTRO: Final = "jazzy"
 SUITE: Final = "office"
 _LISTED: Final = 12
 """Keys of a kind that are printed."""
+_FEW: Final = 6
+"""Scenarios below which an interval is wide."""
 
 
 class Verification(NamedTuple):
@@ -121,27 +122,29 @@ def _verify(
     from navstack.cli.bench.execution import BenchOutput
     from navstack.studies import CompareTask, ParameterSet, for_workers, read_scenarios
 
-    written = [str(resolved(out / name)) for name in made.params]
-    with tempfile.TemporaryDirectory(prefix="navstack-") as name:
-        if made.tree:
-            overlay = Path(name) / "behavior_tree.yaml"
-            write_text(overlay, tree_yaml(out / made.tree, made.target.rpartition(" ")[2]))
-            written.append(str(overlay))
-        sets = {
-            "A": ParameterSet(tuple(for_workers(p) for p in params), tuple(set_)),
-            "B": ParameterSet(tuple(written)),
-        }
-        task = CompareTask(sets, tuple(read_scenarios([], wanted.suite, wanted.scenarios)), wanted.seeds)
-        code, report = BenchOutput(json_=json_).reported(task, processes=wanted.processes)
+    sets = {
+        "A": ParameterSet(tuple(for_workers(p) for p in params), tuple(set_)),
+        "B": ParameterSet(tuple(str(resolved(out / name)) for name in made.params)),
+    }
+    task = CompareTask(sets, tuple(read_scenarios([], wanted.suite, wanted.scenarios)), wanted.seeds)
+    code, report = BenchOutput(json_=json_).reported(task, processes=wanted.processes)
     rows: list[dict[str, Any]] = list(report.document["measures"].rows)
-    changed = [f"{row['measure']} ({row['verdict']})" for row in rows if row["difference"].shown]
-    failed = sum(run["A"]["success"] and not run["B"]["success"] for run in report.document["runs"])
+    runs: list[dict[str, Any]] = list(report.document["runs"])
+    failed = sum(run["A"]["success"] and not run["B"]["success"] for run in runs)
+    # a rank test shows nothing with fewer than six scenarios; here a difference missed is worse than one too many
+    changed = [_change_of(row) for row in rows if row["difference"].excludes_zero]
     if failed:
-        print_note(
-            f"the converted robot fails in {failed} of {len(report.document['runs'])} drives in which the original succeeds"
-        )
+        print_note(f"the converted robot fails in {failed} of {len(runs)} drives in which the original succeeds")
     if changed:
         print_note(f"the conversion changes the drive beyond the noise: {'; '.join(changed)}")
     elif not failed:
-        print_note("no measure of the drive differs beyond the noise")
+        few = len({run["scenario"] for run in runs}) < _FEW
+        hint = f"; with fewer than {_FEW} scenarios only large differences show, so give --count" if few else ""
+        print_note(f"no measure of the drive differs beyond the noise{hint}")
     return code
+
+
+def _change_of(row: dict[str, Any]) -> str:
+    """A measure with its difference and the interval."""
+    difference = row["difference"].interval
+    return f"{row['measure']} {row['a'].value:.3g} -> {row['b'].value:.3g} (by {difference.text(3)})"

@@ -69,7 +69,6 @@ if TYPE_CHECKING:
     from navstack.parameters.nav2.conversion import Conversion as Conversion
     from navstack.parameters.nav2.convert import to_nav2 as to_nav2
     from navstack.parameters.nav2.convert_back import to_move_base as to_move_base
-    from navstack.parameters.nav2.convert_back import tree_yaml as tree_yaml
     from navstack.parameters.nav2.declared import NAV2_DISTROS as NAV2_DISTROS
     from navstack.parameters.nodes import LocalizationConfiguration as LocalizationConfiguration
     from navstack.parameters.nodes import default_filter as default_filter

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,29 +30,31 @@ from navstack.studies.jobs import Job, JobResult
 from navstack.studies.table import Column, Table
 from navstack.studies.task import Report, Task
 
+_NOT_NEGATIVE: Final = (0.0, math.inf)
+_SHARE: Final = (0.0, 1.0)
 MEASURES: Final = (
     Measure("success", "success", 3, +1, both_succeed=False),
     Measure("score", "score", 4, +1, both_succeed=False),
-    Measure("time_s", "time (s)", 1, -1),
-    Measure("length_m", "length (m)", 2, -1),
-    Measure("clearance_min_m", "minimum clearance (m)", 3, +1),
-    Measure("clearance_mean_m", "mean clearance (m)", 3, +1),
-    Measure("speed_mean_m_s", "mean speed (m/s)", 3, 0),
-    Measure("jerk_rms_m_s3", "jerk, rms (m/s³)", 2, -1),
-    Measure("curvature_mean_1_m", "curvature (1/m)", 3, -1),
-    Measure("turning_s", "turning in place (s)", 1, -1),
-    Measure("recoveries", "recoveries", 2, -1, both_succeed=False),
-    Measure("collisions", "collisions", 2, -1, both_succeed=False),
-    Measure("distance_min_m", "minimum distance of people (m)", 3, +1, both_succeed=False),
-    Measure("space_compliance", "share of time within 0.5 m of people", 3, -1, both_succeed=False),
-    Measure("discomfort", "share of time within 0.2 m of people", 3, -1, both_succeed=False),
-    Measure("personal", "share of time in personal space", 3, -1, both_succeed=False),
-    Measure("time_to_collision_min_s", "minimum time to collision (s)", 2, +1, both_succeed=False),
-    Measure("contacts_by_robot", "contacts by the robot", 2, -1, both_succeed=False),
-    Measure("contacts_by_people", "contacts by people", 2, -1, both_succeed=False),
-    Measure("path_efficiency", "driven / planned length", 3, -1),
-    Measure("spl", "success weighted by path length", 3, +1, both_succeed=False),
-    Measure("social_work", "social work (m/s)", 2, -1),
+    Measure("time_s", "time (s)", 1, -1, possible=_NOT_NEGATIVE),
+    Measure("length_m", "length (m)", 2, -1, possible=_NOT_NEGATIVE),
+    Measure("clearance_min_m", "minimum clearance (m)", 3, +1, possible=_NOT_NEGATIVE),
+    Measure("clearance_mean_m", "mean clearance (m)", 3, +1, possible=_NOT_NEGATIVE),
+    Measure("speed_mean_m_s", "mean speed (m/s)", 3, 0, possible=_NOT_NEGATIVE),
+    Measure("jerk_rms_m_s3", "jerk, rms (m/s³)", 2, -1, possible=_NOT_NEGATIVE),
+    Measure("curvature_mean_1_m", "curvature (1/m)", 3, -1, possible=_NOT_NEGATIVE),
+    Measure("turning_s", "turning in place (s)", 1, -1, possible=_NOT_NEGATIVE),
+    Measure("recoveries", "recoveries", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("collisions", "collisions", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("distance_min_m", "minimum distance of people (m)", 3, +1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("space_compliance", "share of time within 0.5 m of people", 3, -1, both_succeed=False, possible=_SHARE),
+    Measure("discomfort", "share of time within 0.2 m of people", 3, -1, both_succeed=False, possible=_SHARE),
+    Measure("personal", "share of time in personal space", 3, -1, both_succeed=False, possible=_SHARE),
+    Measure("time_to_collision_min_s", "minimum time to collision (s)", 2, +1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("contacts_by_robot", "contacts by the robot", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("contacts_by_people", "contacts by people", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("path_efficiency", "driven / planned length", 3, -1, possible=_NOT_NEGATIVE),
+    Measure("spl", "success weighted by path length", 3, +1, both_succeed=False, possible=_SHARE),
+    Measure("social_work", "social work (m/s)", 2, -1, possible=_NOT_NEGATIVE),
     Measure("disturbance_s", "delay of people (s)", 2, -1, both_succeed=False),
     Measure("disturbance_m", "detour of people (m)", 2, -1, both_succeed=False),
 )

@@ -142,13 +142,16 @@ def assert_same_dwa(before: Configuration, after: Configuration) -> None:
     """DWA has the same limits, samples, tolerances and weights."""
     one, other = before.local_planner.params, after.local_planner.params
     names = (
-        "max_vel_trans min_vel_trans max_vel_x max_vel_y min_vel_y max_vel_theta min_vel_theta acc_lim_x acc_lim_y "
+        "max_vel_trans min_vel_trans max_vel_x max_vel_y min_vel_y max_vel_theta acc_lim_x acc_lim_y "
         "acc_lim_theta xy_goal_tolerance yaw_goal_tolerance latch_xy_goal_tolerance trans_stopped_vel sim_time sim_granularity "
         "angular_sim_granularity twirling_scale oscillation_reset_dist oscillation_reset_angle forward_point_distance vx_samples "
         "vth_samples use_dwa sum_scores prune_plan"
     )
     for name in names.split():
         assert getattr(other, name) == pytest.approx(getattr(one, name)), name
+    frequency = getattr(one, "controller_frequency", 0.0) or before.move_base.controller_frequency
+    reached = one.acc_lim_theta * (1.0 / frequency if one.use_dwa else one.sim_time)
+    assert other.min_vel_theta == pytest.approx(min(one.min_vel_theta, reached))  # DWB samples its turns in place
     assert other.min_vel_x == min(0.0, one.min_vel_x)  # DWB turns in place with a sample of 0 m/s
     assert other.vy_samples == max(1, one.vy_samples)
     resolution = before.local_costmap.params.resolution
@@ -403,6 +406,30 @@ def test_topics_of_costmaps_are_absolute_up_to_jazzy(tmp_path: Path) -> None:
         made, _ = nav2(["turtlebot"], tmp_path / distro, distro)
         costmap = made.files["nav2_params.yaml"].partition("local_costmap:")[2].partition("planner_server:")[0]
         assert f"topic: {topic} " in costmap
+
+
+@pytest.mark.parametrize(("written", "least", "kind"), [(1.37, 0.32, "nearest"), (0.2, 0.2, "carried over")])
+def test_the_slowest_turn_is_in_reach_from_rest(written: float, least: float, kind: str, tmp_path: Path) -> None:
+    """A turtlebot3 has 1.37 rad/s and reaches 3.2 / 10 in a cycle: DWB would have no turn in place and never end a goal."""
+    raw = {
+        "base_local_planner": "dwa_local_planner/DWAPlannerROS",
+        "controller_frequency": 10.0,
+        "DWAPlannerROS": {"acc_lim_theta": 3.2, "min_vel_theta": written, "max_vel_theta": 2.75},
+        "local_costmap": {"rolling_window": True, "plugins": [], "robot_radius": 0.2},
+        "global_costmap": {"plugins": [], "robot_radius": 0.2},
+    }
+    made = to_nav2([raw], "jazzy", str(tmp_path))
+    follow = yaml.safe_load(made.files["nav2_params.yaml"])["controller_server"]["ros__parameters"]["FollowPath"]
+    assert follow["min_speed_theta"] == pytest.approx(least)
+    (change,) = [c for c in made.changes if c.source == "DWAPlannerROS/min_vel_theta"]
+    assert change.kind == kind and ("out of DWB's reach" in change.note) == (kind == "nearest")
+
+
+def test_the_center_stays_out_of_inscribed_cells_as_in_move_base(tmp_path: Path) -> None:
+    for name in ("turtlebot", "turtlebot_rollout"):
+        made, _ = nav2([name], tmp_path / name)
+        follow = yaml.safe_load(made.files["nav2_params.yaml"])["controller_server"]["ros__parameters"]["FollowPath"]
+        assert "BaseObstacle" in follow["critics"] and 0.0 < follow["BaseObstacle"]["scale"] < 1e-5
 
 
 def test_trajectory_rollout_counts_cells_or_meters(tmp_path: Path) -> None:

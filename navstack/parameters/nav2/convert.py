@@ -180,7 +180,6 @@ _DWA: Final = (
     _Row("vy_samples", "vy_samples", "carried over", _at_least_one, "0 counts as 1"),
     _Row("max_speed_xy", "max_vel_trans"),
     _Row("min_speed_xy", "min_vel_trans"),
-    _Row("min_speed_theta", "min_vel_theta"),
     _Row("vtheta_samples", "vth_samples"),
     _Row("linear_granularity", "sim_granularity"),
     _Row("angular_granularity", "angular_sim_granularity"),
@@ -207,8 +206,10 @@ _ROLLOUT: Final = (
         None,
         "drops poses by distance from the robot; move_base, poses that it has passed",
     ),
-    _Row("min_speed_theta", "min_in_place_vel_theta", "nearest", None, "applies below min_speed_xy"),
 )
+_FORBIDS_ONLY: Final = 1e-6
+"""Scale of a critic that rejects trajectories and hardly scores; DWB skips a critic with scale 0."""
+_CENTER: Final = "only forbids the center on 253, 254 and 255, which the distances of move_base reject"
 _TURN: Final = "path and goal scale together: the turn at the goal outweighs the distances, as in move_base"
 _DECELERATION: Final = tuple(
     _Row(
@@ -467,6 +468,7 @@ class _Converter:
         self.rows(node, scope, section, prefix, _DECELERATION)
         side = 0.5 * max(self.c.local_costmap.params.width, self.c.local_costmap.params.height)
         self._plan_window(section, side)
+        critics = {**critics, "BaseObstacle": (_FORBIDS_ONLY, "", _CENTER, "added")}
         self.put(
             node, scope, "critics", list(critics), prefix=prefix, kind="added", note="the terms of move_base's score"
         )
@@ -485,6 +487,29 @@ class _Converter:
             note="for RotateToGoal",
         )
         return prefix
+
+    def _least_turn(self, section: str, source: str, generator: str, note: str = "") -> float:
+        """The slowest turn in place: DWB samples it, so it must be in reach from rest, or the robot never turns at the goal.
+
+        `generator`: key that selects the generator with limited acceleration. Returns the value that is written (rad/s).
+        """
+        node, scope, written = "controller_server", "dwb_core::DWBLocalPlanner", f"{section}/{source}"
+        own = self.params.get(f"{section}/controller_frequency")
+        frequency = (own.value if own is not None else 0.0) or self.value("controller_frequency")
+        limited = self.value(f"{section}/{generator}") and frequency > 0.0
+        seconds = 1.0 / frequency if limited else self.value(f"{section}/sim_time")
+        least = max(0.0, self.value(written))
+        reached = self.value(f"{section}/acc_lim_theta") * seconds
+        if reached < least:
+            within = "/ controller_frequency" if limited else "· sim_time"
+            reason = f"acc_lim_theta {within}: {least:g} is out of DWB's reach from rest; move_base has its own turns"
+            self.put(
+                node, scope, "min_speed_theta", reached, [written], prefix="FollowPath.", kind="nearest", note=reason
+            )
+            return reached
+        kind: Kind = "nearest" if note else "carried over"
+        self.put(node, scope, "min_speed_theta", least, [written], prefix="FollowPath.", kind=kind, note=note)
+        return least
 
     def _plan_window(self, section: str, side: float) -> None:
         """The part of the plan that is followed: move_base's reaches to the edge of the local costmap, `side` (m) away.
@@ -506,9 +531,9 @@ class _Converter:
 
     def _dwa(self, section: str) -> None:
         node, scope = "controller_server", "dwb_core::DWBLocalPlanner"
-        slow = all(
-            self.value(f"{section}/{least}") < self.value(f"{section}/{stopped}")
-            for least, stopped in (("min_vel_theta", "theta_stopped_vel"), ("min_vel_trans", "trans_stopped_vel"))
+        least = self._least_turn(section, "min_vel_theta", "use_dwa")
+        slow = least < self.value(f"{section}/theta_stopped_vel") and (
+            self.value(f"{section}/min_vel_trans") < self.value(f"{section}/trans_stopped_vel")
         )  # otherwise DWB has no sample that counts as stopped, and the goal would never be reached
         self._checker(section, stopped=("trans_stopped_vel", "theta_stopped_vel") if slow else None)
         indigo = self.c.navstack.ros_distro == "indigo"
@@ -603,6 +628,7 @@ class _Converter:
         }
         prefix = self._dwb(section, critics, limited=self.value(f"{section}/dwa"), why=f"{section}/dwa")
         self.rows(node, scope, section, prefix, _ROLLOUT)
+        self._least_turn(section, "min_in_place_vel_theta", "dwa", "applies below min_speed_xy")
         self.used.update((f"{section}/meter_scoring", f"{section}/controller_frequency"))
         turns = [f"{section}/max_vel_theta", f"{section}/min_vel_theta"]
         fastest = max(self.value(turns[0]), -self.value(turns[1]))

@@ -25,7 +25,6 @@ from navstack.parameters.nav2.document import COSTMAP_NODES, Nodes, read_nodes
 from navstack.parameters.nav2.tree_xml import TreeRecovery, TreeSpec, default_tree, read_tree
 from navstack.parameters.report import Parameter, as_yaml, parameters_of
 from navstack.parameters.sources import Source, read_sources
-from navstack.parameters.yaml_editor import value_text
 from navstack.plugins import LOCAL_PLANNERS, RECOVERY_BEHAVIORS
 
 MOVE_BASE_FILE: Final = "move_base_params.yaml"
@@ -343,8 +342,8 @@ _IN_TREE: Final[Mapping[str, str]] = {
 MAX_RECOVERIES: Final = 20
 
 
-def tree_values(spec: TreeSpec, *, ros1: bool = True) -> dict[str, Any]:
-    """Return the parameters of move_base that a tree stands for, by full name; without `ros1`, Spin stays Nav2's."""
+def tree_values(spec: TreeSpec) -> dict[str, Any]:
+    """Return the parameters of move_base that a tree stands for, by full name."""
     made: dict[str, Any] = {"planner_frequency": spec.planner_frequency, "max_planning_retries": spec.planning_retries}
     if not spec.attempts or not spec.recoveries:
         return {**made, "recovery_behavior_enabled": False}
@@ -353,20 +352,10 @@ def tree_values(spec: TreeSpec, *, ros1: bool = True) -> dict[str, Any]:
     for number in range(min(spec.attempts, MAX_RECOVERIES)):
         recovery = spec.recoveries[number % len(spec.recoveries)]
         name = _section_name(recovery.name, number // len(spec.recoveries))
-        type_, values = _behavior(recovery, ros1=ros1)
+        type_, values = _behavior(recovery)
         entries.append({"name": name, "type": type_})
         below.update({f"{name}/{key}": value for key, value in values.items()})
     return {**made, "recovery_behaviors": entries, **below}
-
-
-def tree_yaml(file: Path, distro: str) -> str:
-    """Return what a tree means to navstack, as YAML to load after the parameters of Nav2. Raises OSError."""
-    spec = read_tree(file) or default_tree(NAV2_DISTROS.index(distro))
-    root: dict[str, Any] = {}
-    for name, value in tree_values(spec, ros1=False).items():
-        section, _, last = name.rpartition("/")
-        (root.setdefault(section, {}) if section else root)[last] = value
-    return "".join(f"{key}: {value_text(value)}\n" for key, value in root.items())
 
 
 def _section_name(name: str, again: int) -> str:
@@ -374,7 +363,7 @@ def _section_name(name: str, again: int) -> str:
     return f"{bare}_{again + 1}" if again else bare
 
 
-def _behavior(recovery: TreeRecovery, *, ros1: bool) -> tuple[str, dict[str, Any]]:
+def _behavior(recovery: TreeRecovery) -> tuple[str, dict[str, Any]]:
     """Type and parameters of a recovery of move_base that does what nodes of a tree do."""
     tag, ports = recovery.nodes[0]
 
@@ -399,7 +388,7 @@ def _behavior(recovery: TreeRecovery, *, ros1: bool) -> tuple[str, dict[str, Any
         "DriveOnHeading": (("dist_to_travel", 0.15), ("speed", 0.025), ("time_allowance", 10.0)),
         "Wait": (("wait_duration", 1.0),),
     }[tag]
-    if ros1 and tag == "Spin" and number("spin_dist", 1.57) >= FULL_TURN_AT_LEAST:
+    if tag == "Spin" and number("spin_dist", 1.57) >= FULL_TURN_AT_LEAST:
         return "rotate_recovery/RotateRecovery", {}
     return f"nav2_behaviors/{tag}", {k: number(k, d) for k, d in keys}
 
