@@ -7,9 +7,16 @@ from typing import Any, Final
 
 from navstack.core.errors import InputError
 
-_EXTRAS: Final = {"aiohttp": "live", "rosbags": "bags", "lz4": "bags", "mcap": "mcap", "pytest": "test"}
+_EXTRAS: Final = {
+    "aiohttp": "live",
+    "rosbags": "bags",
+    "lz4": "bags",
+    "mcap": "mcap",
+    "pytest": "test",
+    "foxglove": "foxglove",
+}
 """Name of the extra that contains a module, if it is not `tune`."""
-_PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]"}
+_PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]", "foxglove": "foxglove-sdk"}
 """Name of the package, where it is not the first part of the module's name."""
 
 
