@@ -50,6 +50,7 @@ class Navigator(StackNode):
     """
 
     name = "ros2"
+    trees_by_goal = True
 
     def __init__(self, configuration: Configuration, node: RosNode, record: RecordFolder | None = None) -> None:
         """`node` has been started. Raises InputError for wrong parameters."""
@@ -191,9 +192,10 @@ class Navigator(StackNode):
             "submit": self._submit,
             "stamp_ns": self.clock.ns,
         }
-        server("navigate_to_pose", "NavigateToPose", tasks.DriveTask)
-        server("navigate_through_poses", "NavigateThroughPoses", tasks.ThroughTask)
-        server("follow_waypoints", "FollowWaypoints", tasks.WaypointsTask, **waypoints)
+        default_tree = {"default_tree": self.configuration.navstack.behavior_tree}
+        server("navigate_to_pose", "NavigateToPose", tasks.DriveTask, **default_tree)
+        server("navigate_through_poses", "NavigateThroughPoses", tasks.ThroughTask, **default_tree)
+        server("follow_waypoints", "FollowWaypoints", tasks.WaypointsTask, **waypoints, **default_tree)
         server("follow_path", "FollowPath", tasks.FollowPathTask, controllers=controllers)
         server("spin", "Spin", tasks.SpinTask)
         server("backup", "BackUp", tasks.BackUpTask)
