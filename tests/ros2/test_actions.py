@@ -45,7 +45,7 @@ found["tree"] = go.run(NavigateToPose.Goal(pose=stamped(2.0, 7.45), behavior_tre
 running = go.send(NavigateToPose.Goal(pose=stamped(4.0, 7.45), behavior_tree=tree))
 found["beside a tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45)))
 found["the tree goes on"] = go.end(running)[0]
-found["without the tree"] = go.run(NavigateToPose.Goal(pose=stamped(3.0, 7.45)))
+found["without the tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.2, 7.45)))
 
 through = Action(NavigateThroughPoses, "navigate_through_poses")
 status, result = through.end(through.send(NavigateThroughPoses.Goal(
