@@ -76,6 +76,7 @@ def build_move_base(
     planning: Planning | None = None,
     stopwatch: Callable[[], float] | None = None,
     behavior_tree: str | os.PathLike[str] | None = None,
+    trees_by_goal: bool = False,
 ) -> MoveBase:
     """Build a goal manager for `robot` with the planners, costmaps and recovery behaviors of a configuration.
 
@@ -85,7 +86,8 @@ def build_move_base(
     With sections for safety (`twist_mux`, `velocity_smoother`, `collision_monitor`, `collision_detector`), the robot gets its
     commands through a `CommandChain`, which is then `MoveBase.robot`; a robot that is a chain already is left as it is.
     `planning`, `stopwatch`: see `MoveBase`. With a `behavior_tree` (a file, or the name of a packaged one; default: that of the
-    configuration), the tree drives the goals instead of move_base's states: see `TreeMoveBase`.
+    configuration), the tree drives the goals instead of move_base's states: see `TreeMoveBase`, which is also returned with
+    `trees_by_goal`: its owner changes the tree between goals.
     """
     if configuration.safety.in_use and not isinstance(robot, CommandChain):
         robot = build_chain(configuration, robot)
@@ -95,7 +97,7 @@ def build_move_base(
             _warn_of_frame(static_map.frame, published.frame, listeners)
         static_map = published
     behavior_tree = behavior_tree or configuration.navstack.behavior_tree or None
-    kind = MoveBase if behavior_tree is None else TreeMoveBase
+    kind = MoveBase if behavior_tree is None and not trees_by_goal else TreeMoveBase
     move_base = kind(
         configuration.move_base,
         robot=robot,

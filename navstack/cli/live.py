@@ -21,6 +21,7 @@ from navstack.explain import replay
 from navstack.live import (
     COMPILING,
     MAX_SPEED,
+    FoxgloveServer,
     Gate,
     GraphEditor,
     LiveServer,
@@ -30,6 +31,7 @@ from navstack.live import (
     Report,
     Session,
     Stage,
+    is_loopback,
     serve,
 )
 from navstack.map_io import map_names
@@ -67,7 +69,20 @@ class LiveOptions(NamedTuple):
     host: Annotated[
         str, typer.Option("--host", help="Address to listen on. Beyond loopback, the printed address has a token.")
     ] = "127.0.0.1"
-    port: Annotated[int, typer.Option("--port", help="Port; 0 is any free one.", min=0, max=65535)] = PORT
+    port: Annotated[
+        int | None,
+        typer.Option("--port", help=f"Port of the page, default {PORT}; 0 is any free one.", min=0, max=65535),
+    ] = None
+    foxglove: Annotated[
+        int | None,
+        typer.Option(
+            "--foxglove",
+            metavar="PORT",
+            help=f"Show it in Foxglove too, as topics of ROS 2. Foxglove expects {PORT}; the page is on {PORT + 1} then.",
+            min=0,
+            max=65535,
+        ),
+    ] = None
     read_only: Annotated[bool, typer.Option("--read-only", help="Pages can look, but not take part.")] = False
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False
 
@@ -85,15 +100,19 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
     """
     require("aiohttp", "navstack live")
 
-    return _serve(_preparation(chosen, live), live)
+    prepare, duration_s = _preparation(chosen, live)
+    return _serve(prepare, live, duration_s)
 
 
 def _label(origin: Origin) -> str:
     return ", ".join(short_name(name) for name in origin.sources) or "the scenario's parameters"
 
 
-def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> Callable[[Report], Stage]:
-    """Reads the input; returns a function that compiles kernels and starts the sessions. Raises the errors of the input."""
+def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> tuple[Callable[[Report], Stage], float | None]:
+    """Reads the input; returns a function that compiles kernels and starts the sessions, and the duration (s) of a recorded run.
+
+    Raises the errors of the input.
+    """
     speed = _speed(live.speed)
     run = Path(chosen.map_)
     if run.suffix == ".npz" or run.joinpath("run.npz").is_file():
@@ -107,7 +126,7 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> Callable[[Report
             with loading_kernels(progress=partial(report, COMPILING)):
                 return Stage([_recorded(record, speed)], Options(live.save_to, fixed=True, labels=("",)))
 
-        return recorded
+        return recorded, float(record.times[-1])
     opened = [_open(chosen)]
     if live.versus:
         opened.append(_open(chosen._replace(params=live.versus)))
@@ -123,7 +142,7 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> Callable[[Report
                 warm_up(scenario)
         return Stage([Session(scenario, origin=origin, speed=speed) for scenario, origin in opened], options)
 
-    return prepare
+    return prepare, None
 
 
 def _recorded(record: Record, speed: float | None) -> Session:
@@ -164,11 +183,19 @@ def _speed(text: str) -> float | None:
     return value
 
 
-def _serve(prepare: Callable[[Report], Stage], live: LiveOptions) -> int:
+def _serve(prepare: Callable[[Report], Stage], live: LiveOptions, duration_s: float | None) -> int:
     import asyncio
     import signal
 
-    server = LiveServer(prepare, Gate(live.host), read_only=live.read_only)
+    foxglove = None
+    port = PORT if live.port is None else live.port
+    if live.foxglove is not None:
+        # clients of Foxglove have no token: from elsewhere they can look only
+        read_only = live.read_only or not is_loopback(live.host)
+        foxglove = FoxgloveServer(live.host, live.foxglove, read_only=read_only, duration_s=duration_s)
+        if live.port is None and foxglove.port == PORT:
+            port = PORT + 1
+    server = LiveServer(prepare, Gate(live.host), read_only=live.read_only, foxglove=foxglove)
 
     async def main() -> None:
         stop = asyncio.Event()
@@ -176,15 +203,18 @@ def _serve(prepare: Callable[[Report], Stage], live: LiveOptions) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             if sys.platform != "win32":
                 loop.add_signal_handler(number, stop.set)
-        await serve(server, live.host, live.port, ready=lambda address: _ready(address, live), stop=stop)
+        await serve(server, live.host, port, ready=partial(_ready, live=live, foxglove=foxglove), stop=stop)
 
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(main())
     return 0
 
 
-def _ready(address: str, live: LiveOptions) -> None:
+def _ready(address: str, *, live: LiveOptions, foxglove: FoxgloveServer | None) -> None:
     stdout().print(f"navstack live: {address}", markup=False)
+    if foxglove is not None:
+        host = f"[{live.host}]" if ":" in live.host else live.host
+        stdout().print(f"Foxglove: open the connection ws://{host}:{foxglove.port}", markup=False)
     sys.stdout.flush()
     if live.no_open:
         return

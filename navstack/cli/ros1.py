@@ -11,8 +11,7 @@ from navstack.cli import options, ros1_install, ros1_nodes
 from navstack.cli.arguments import map_of
 from navstack.cli.output import print_findings, print_warnings, stdout
 from navstack.cli.ros1_nodes import NODE, Name, NodeCommand, set_param, start_node
-from navstack.cli.scenario_options import ScenarioOptions
-from navstack.core import InputError
+from navstack.cli.scenario_options import ScenarioOptions, SimNodeOptions
 from navstack.ros1 import (
     AmclNode,
     FakeLocalization,
@@ -64,32 +63,27 @@ def move_base(
 
 
 @app.command("sim", cls=NodeCommand, context_settings=NODE)
-@options.with_options(chosen=ScenarioOptions)
+@options.with_options(chosen=ScenarioOptions, running=SimNodeOptions)
 def sim(
     context: typer.Context,
     chosen: ScenarioOptions,
-    speed: Annotated[
-        float, typer.Option("--speed", help="Simulated seconds per second; not 1 needs --clock.", min=0.01, max=1000.0)
-    ] = 1.0,
-    clock: Annotated[
-        bool, typer.Option("--clock/--no-clock", help="Publish /clock and set /use_sim_time, before other nodes start.")
-    ] = False,
+    running: SimNodeOptions,
     name: Name = "navstack_sim",
 ) -> int:
     """Run the simulated robot as a node: scan, odom, tf, imu, map, bumpers and the true pose; it follows cmd_vel.
 
-    The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. Exit codes: 0 shut down, 2 invalid input.
+    With `--clock`, /use_sim_time is set. The robot stops without a command for 0.5 s; `initialpose` puts it somewhere else. Exit
+    codes: 0 shut down, 2 invalid input.
     """
-    if speed != 1.0 and not clock:
-        raise InputError(f"--speed {speed:g} needs simulated time; add --clock", argument="--speed")
+    running.check()
     scenario = chosen.build(goals_needed=False)
-    if not clock:
+    if not running.clock:
         start_node(name, context)
         SimNode(scenario, speed=1.0, clock=False).spin()
         return 0
     set_param("/use_sim_time", True)
     start_node(name, context, own_time=True)
-    SimNode(scenario, speed=speed, clock=True).spin()
+    SimNode(scenario, speed=running.speed, clock=True).spin()
     return 0
 
 

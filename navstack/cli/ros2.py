@@ -11,7 +11,7 @@ from rich.markup import escape
 from navstack.cli import options
 from navstack.cli.lazy_group import Command
 from navstack.cli.output import print_warnings, stdout
-from navstack.cli.scenario_options import ScenarioOptions
+from navstack.cli.scenario_options import ScenarioOptions, SimNodeOptions
 from navstack.core import InputError, resolved
 from navstack.parameters import load_configuration
 from navstack.ros2 import Navigator, RosNode, SimNode, advise, load, managed_node
@@ -94,29 +94,23 @@ def navigator(
 
 
 @app.command("sim", cls=NodeCommand, context_settings=NODE)
-@options.with_options(chosen=ScenarioOptions)
+@options.with_options(chosen=ScenarioOptions, running=SimNodeOptions)
 def sim(
     context: typer.Context,
     chosen: ScenarioOptions,
-    speed: Annotated[
-        float, typer.Option("--speed", help="Simulated seconds per second; not 1 needs --clock.", min=0.01, max=1000.0)
-    ] = 1.0,
-    clock: Annotated[
-        bool, typer.Option("--clock/--no-clock", help="Publish /clock for nodes with use_sim_time.")
-    ] = False,
+    running: SimNodeOptions,
     name: Name = "navstack_sim",
 ) -> int:
     """Run the simulated robot as a node: scan, odom, tf, imu, battery, map server and amcl; it follows cmd_vel.
 
     The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. Exit codes: 0 shut down, 2 invalid input.
     """
-    if speed != 1.0 and not clock:
-        raise InputError(f"--speed {speed:g} needs simulated time; add --clock", argument="--speed")
+    running.check()
     arguments = arguments_of(context)
     scenario = chosen.build(goals_needed=False)
     node = RosNode(name, arguments)
     node.start()
-    SimNode(scenario, node, speed=speed, clock=clock).spin()
+    SimNode(scenario, node, speed=running.speed, clock=running.clock).spin()
     return 0
 
 

@@ -133,3 +133,19 @@ class ScenarioOptions(NamedTuple):
             f"(m, rad); the map covers {extent_text(grid)}",
             argument=missing[0],
         )
+
+
+class SimNodeOptions(NamedTuple):
+    """How the simulated robot runs as a node of ROS."""
+
+    speed: Annotated[
+        float, typer.Option("--speed", help="Simulated seconds per second; not 1 needs --clock.", min=0.01, max=1000.0)
+    ] = 1.0
+    clock: Annotated[
+        bool, typer.Option("--clock/--no-clock", help="Publish /clock for nodes with use_sim_time; start it first.")
+    ] = False
+
+    def check(self) -> None:
+        """Raise InputError for a speed that the clock of the system does not have."""
+        if self.speed != 1.0 and not self.clock:
+            raise InputError(f"--speed {self.speed:g} needs simulated time; add --clock", argument="--speed")

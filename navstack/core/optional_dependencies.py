@@ -8,6 +8,7 @@ from typing import Any, Final
 from navstack.core.errors import InputError
 
 _EXTRAS: Final = {
+    "foxglove": "foxglove",
     "gymnasium": "gym",
     "onnxruntime": "gym",
     "stable_baselines3": "learning",
@@ -18,7 +19,7 @@ _EXTRAS: Final = {
     "pytest": "test",
 }
 """Name of the extra that contains a module, if it is not `tune`."""
-_PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]"}
+_PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]", "foxglove": "foxglove-sdk"}
 """Name of the package, where it is not the first part of the module's name."""
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from navstack.costmap.mask_layers import BinaryMaskLayer as BinaryMaskLayer
     from navstack.costmap.mask_layers import BinaryMaskLayerParams as BinaryMaskLayerParams
     from navstack.costmap.mask_layers import KeepoutMaskLayer as KeepoutMaskLayer
+    from navstack.costmap.mask_layers import MaskLayer as MaskLayer
     from navstack.costmap.mask_layers import MaskLayerParams as MaskLayerParams
     from navstack.costmap.mask_layers import SpeedLimit as SpeedLimit
     from navstack.costmap.mask_layers import SpeedMaskLayer as SpeedMaskLayer

@@ -33,6 +33,10 @@ class MaskLayerParams(ParamModel):
 
     enabled: bool = param(True, "apply this layer")
     mask: str = param("", "map YAML of the mask")
+    filter_info_topic: str = param(
+        "",
+        "topic of nav2_msgs/CostmapFilterInfo from which a node of ROS 2 takes the mask, its base and its multiplier",
+    )
 
 
 class SpeedMaskLayerParams(MaskLayerParams):
@@ -68,7 +72,7 @@ class SpeedLimit(NamedTuple):
         return full_speed * self.value / 100.0 if self.percent else min(full_speed, self.value)
 
 
-class _MaskLayer(Layer):
+class MaskLayer(Layer):
     """A mask and the lookup of its values."""
 
     def __init__(self, params: Any, context: LayerContext) -> None:
@@ -120,7 +124,7 @@ class _MaskLayer(Layer):
 
 
 @LAYERS.register("keepout_mask", aliases=("nav2_costmap_2d/KeepoutFilter",))
-class KeepoutMaskLayer(_MaskLayer):
+class KeepoutMaskLayer(MaskLayer):
     """Areas that the robot must avoid: 100 in the mask is lethal, 1 .. 99 are costs in proportion, 0 and unknown change nothing.
 
     The larger cost counts. Under a rotated mask, a cell is lethal if it overlaps any lethal cell of the mask. List the layer
@@ -169,7 +173,7 @@ class KeepoutMaskLayer(_MaskLayer):
 
 
 @LAYERS.register("speed_mask", aliases=("nav2_costmap_2d/SpeedFilter",))
-class SpeedMaskLayer(_MaskLayer):
+class SpeedMaskLayer(MaskLayer):
     """Areas with a speed limit. The layer writes no costs; the costmap's `speed_limit` returns the limit."""
 
     Params: ClassVar[type[ParamModel]] = SpeedMaskLayerParams
@@ -207,7 +211,7 @@ class SpeedMaskLayer(_MaskLayer):
 
 
 @LAYERS.register("binary_mask", aliases=("nav2_costmap_2d/BinaryFilter",))
-class BinaryMaskLayer(_MaskLayer):
+class BinaryMaskLayer(MaskLayer):
     """Areas in which something is on or off, such as a light or a camera. The layer writes no costs.
 
     `state` follows the value of the mask under the robot: where it is unknown, the state stays; outside the mask it is

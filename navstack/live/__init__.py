@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from navstack.live.checkpoints import Origin as Origin
+    from navstack.live.foxglove import FoxgloveServer as FoxgloveServer
     from navstack.live.graph import GraphEditor as GraphEditor
     from navstack.live.logged import LoggedSession as LoggedSession
     from navstack.live.server import Gate as Gate
     from navstack.live.server import LiveServer as LiveServer
+    from navstack.live.server import is_loopback as is_loopback
     from navstack.live.server import serve as serve
     from navstack.live.session import MAX_SPEED as MAX_SPEED
     from navstack.live.session import Session as Session

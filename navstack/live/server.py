@@ -27,6 +27,7 @@ from aiohttp.typedefs import Handler
 
 from navstack.core import InputError, InternalError, NavError, compilation_reported
 from navstack.live import messages
+from navstack.live.foxglove import FoxgloveServer
 from navstack.live.messages import Frame
 from navstack.live.stage import COMPILING, Report, Stage, world_frame
 from navstack.live.view import SessionView
@@ -315,10 +316,20 @@ class _EndedError(Exception):
 
 
 class LiveServer:
-    """Serves one stage to any number of pages. Time begins when the first page is there."""
+    """Serves one stage to any number of pages. Time begins when the first page, or client of Foxglove, is there."""
 
-    def __init__(self, stage: Stage | Callable[[Report], Stage], gate: Gate, *, read_only: bool = False) -> None:
-        """`stage` may be a function that prepares it: it is called when the server runs, and pages show its progress."""
+    def __init__(
+        self,
+        stage: Stage | Callable[[Report], Stage],
+        gate: Gate,
+        *,
+        read_only: bool = False,
+        foxglove: FoxgloveServer | None = None,
+    ) -> None:
+        """`stage` may be a function that prepares it: it is called when the server runs, and pages show its progress.
+
+        `foxglove` shows the stage as well, and is stopped with this server.
+        """
         self.stage = stage if isinstance(stage, Stage) else None
         """None while it is prepared."""
         self._prepare = stage
@@ -332,6 +343,7 @@ class LiveServer:
         self._ending = False
         self.gate = gate
         self.read_only = read_only
+        self._foxglove = foxglove
         self.number = secrets.token_hex(8)
         """Identifies this start of the server: a page that reconnects to another one starts over."""
         self._clients: set[Client] = set()
@@ -410,6 +422,8 @@ class LiveServer:
             with contextlib.suppress(asyncio.CancelledError):
                 await task
         self._simulation.shutdown(wait=False, cancel_futures=True)
+        if self._foxglove is not None:
+            await asyncio.to_thread(self._foxglove.stop)
 
     async def _tell(self) -> None:
         """Tells all pages what the simulation does when it takes long, and when that is over."""
@@ -454,6 +468,9 @@ class LiveServer:
         if stage is None:
             return
         stage.report = self._report
+        if self._foxglove is not None:
+            watched = partial(asyncio.get_running_loop().call_soon_threadsafe, self._watched.set)
+            await self.in_simulation(partial(self._foxglove.show, stage, watched))
         await self._watched.wait()
         last = time.monotonic()
         while True:
@@ -471,7 +488,11 @@ class LiveServer:
             await asyncio.sleep(0.001 if busy else SLICE_S - spent if spent < SLICE_S else 0.0)
 
     async def _advance(self, stage: Stage, elapsed_s: float) -> bool:
-        return await self.in_simulation(lambda: stage.advance(elapsed_s, budget_s=BUDGET_S, timer=time.monotonic))
+        def advance() -> bool:
+            moved = stage.advance(elapsed_s, budget_s=BUDGET_S, timer=time.monotonic)
+            return (self._foxglove is not None and self._foxglove.update()) or moved
+
+        return await self.in_simulation(advance)
 
     async def _stop(self, stage: Stage, error: NavError) -> None:
         """Pauses after an error of the simulation and shows it."""

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Event, InputError, LaserScan, compile_seconds, jsonable
+from navstack.core import Event, InputError, SensorData, compile_seconds, jsonable
 from navstack.explain import Replayed
 from navstack.live.checkpoints import Checkpoint, Checkpoints, Origin, Twin, digest_of, snapshot
 from navstack.record import RunRecorder
@@ -69,8 +69,8 @@ class History:
         """Number and poses (n, 3) of the last plans, in the global frame."""
         self.trail: list[tuple[float, float]] = []
         """Positions of the robot (m, map frame), thinned out when there are too many."""
-        self.scans: dict[str, LaserScan] = {}
-        """The last scan of each lidar, by topic."""
+        self.readings: dict[str, SensorData] = {}
+        """The last measurement of each sensor, by topic."""
         self.goals: dict[str, float] = {}
         """When each goal was sent (s), by its id, in this order."""
         self.plan_count = 0
@@ -114,9 +114,8 @@ class History:
                 robot.steering_angle,
             )
         )
-        for scan in move_base.last_tick.scans:
-            if isinstance(scan, LaserScan):
-                self.scans[scan.topic] = scan
+        for data in move_base.last_tick.scans:
+            self.readings[data.topic.strip("/")] = data
         plan = move_base.last_tick.plan
         if plan is not None:
             self.plan_count += 1

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.behavior_trees import Action, BehaviorTree, Condition, Decorator, Node, Status
-from navstack.core import Costmap, GridGeometry, NavError, Pose2D, Transform2D, Window
+from navstack.core import Costmap, GridGeometry, LaserScan, NavError, Pose2D, Transform2D, Window
 from navstack.costmap import LayeredCostmap
 from navstack.live.graph import route_now
 from navstack.live.messages import Frame
@@ -553,7 +553,8 @@ def _scan_points(session: Session) -> NDArray[np.int16]:
     """(n, 2) hits of the last scans in cm, relative to the robot's pose at the time of the frame (its axes)."""
     robot = session.run.robot
     points: list[NDArray[np.float64]] = []
-    for scan in session.history.scans.values():
+    scans = (data for data in session.history.readings.values() if isinstance(data, LaserScan))
+    for scan in scans:
         ranges = np.asarray(scan.ranges, np.float64)
         good = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
         angles = scan.angle_min + scan.angle_increment * np.flatnonzero(good)

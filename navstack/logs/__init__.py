@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from navstack.logs.scan_log_formats import open_scan_log as open_scan_log
     from navstack.logs.writer import LogWriter as LogWriter
     from navstack.logs.writer import open_writer as open_writer
+    from navstack.logs.writer import typestore as typestore
     from navstack.ros_messages import topic_name as topic_name
 else:
     from navstack._lazy import lazy_face

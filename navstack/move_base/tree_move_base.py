@@ -16,7 +16,7 @@ from navstack.behaviors import BehaviorEnd
 from navstack.core import ControlError, NavError
 from navstack.move_base.active_goal import ActiveGoal
 from navstack.move_base.checks import check_progress
-from navstack.move_base.errors import NoProgressError
+from navstack.move_base.errors import BusyError, NoProgressError
 from navstack.move_base.goals import GoalStatus
 from navstack.move_base.move_base import MoveBase
 from navstack.move_base.planning import PlanAnswer
@@ -74,14 +74,29 @@ def _rebuild(message: str, data: dict[str, Any]) -> TreeFailedError:
 
 
 class TreeMoveBase(MoveBase):
-    """Drives a robot to one goal at a time, as its behavior tree says. Call `use_tree` before the first tick."""
+    """Drives a robot to one goal at a time, as its behavior tree says; until `use_tree`, as the states of move_base do."""
 
     tree: BehaviorTree
     """The tree; its `explain` tells what it did for the last goal."""
+    tree_source: str | os.PathLike[str] | None = None
+    """What the tree was read from; None while the states of move_base drive."""
+
+    def use_states(self) -> None:
+        """Let the states of move_base drive the next goals. Raises BusyError while a goal is driven."""
+        self._check_idle()
+        self.tree_source = None
+
+    def _check_idle(self) -> None:
+        if self._goal is not None:
+            raise BusyError("a goal is driven; its behavior tree can be changed when it has ended")
 
     def use_tree(self, source: str | os.PathLike[str], *, distro: str | None = None) -> None:
-        """Read the tree: a file, or the text of one. Raises BehaviorTreeError with file, line and column."""
-        self._servers = TreeServers(
+        """Read the tree of the next goals: a file, or the text of one.
+
+        Raises BehaviorTreeError with file, line and column, and BusyError while a goal is driven; nothing has changed then.
+        """
+        self._check_idle()
+        servers = TreeServers(
             self.robot,
             self.global_costmap,
             self.local_costmap,
@@ -91,28 +106,42 @@ class TreeMoveBase(MoveBase):
             events=self._events,
             recoveries=self._recoveries,
         )
+        self.tree = BehaviorTree(source, servers=servers, distro=distro)
+        self.tree_source, self._servers = source, servers
         self._tree_error: NavError | None = None
         self._tree_planner = self._local_planner
         self._of_tree: ActiveGoal | None = None
-        self.tree = BehaviorTree(source, servers=self._servers, distro=distro)
+
+    @property
+    def _is_by_tree(self) -> bool:
+        return self.tree_source is not None
 
     # --- update cycle -------------------------------------------------------------------------------------------------
 
     def next_due(self, now: float) -> float:
         """Return the next time (s) at which `tick` has work: the tree is ticked in every control cycle."""
         due = super().next_due(now)
-        return due if self._goal is None else max(now, min(due, self._cycles.due))
+        return due if self._goal is None or not self._is_by_tree else max(now, min(due, self._cycles.due))
 
     def _take_answer(self, answer: PlanAnswer, now: float) -> None:
+        if not self._is_by_tree:
+            super()._take_answer(answer, now)
+            return
         goal = self._goal
         if goal is not None and answer.goal_id == goal.handle.id:
             self._servers.goal, self._servers.now = goal, now
             self._servers.take_answer(answer)
 
     def _request_plan_if_due(self, now: float) -> None:
+        if not self._is_by_tree:
+            super()._request_plan_if_due(now)
+            return
         self._plans.stop(now)  # the tree requests plans
 
     def _recover_or_control(self, now: float) -> None:
+        if not self._is_by_tree:
+            super()._recover_or_control(now)
+            return
         if now >= self._cycles.due - EPSILON_S:
             self._cycles.advance(now)
             if not self._must_end(now) and self._goal is not None:
@@ -196,6 +225,9 @@ class TreeMoveBase(MoveBase):
 
     def _finish_goal(self, outcome: Outcome, now: float) -> None:
         """Halt the tree and end the goal; its result holds what the tree did."""
+        if not self._is_by_tree:
+            super()._finish_goal(outcome, now)
+            return
         goal, tree, error = self._goal, self.tree, self._tree_error
         self._tree_error = None
         text = tree.explain() if self._of_tree is not None else ""
@@ -220,12 +252,14 @@ class TreeMoveBase(MoveBase):
         self.server.set_aborted(now, TREE_FAILED, result)
 
     def _drop_recovery(self, now: float) -> None:
-        """Do nothing: the tree decides which behavior runs, also after a new goal; the end of the goal halts it."""
+        """Do nothing with a tree: it decides which behavior runs, also after a new goal; the end of the goal halts it."""
+        if not self._is_by_tree:
+            super()._drop_recovery(now)
 
     @property
     def _has_recovery(self) -> bool:
-        """False: a robot that is lost stops and waits; the recoveries are those of the tree."""
-        return False
+        """False with a tree: a robot that is lost stops and waits; the recoveries are those of the tree."""
+        return not self._is_by_tree and super()._has_recovery
 
     def _show(self, mode: Mode, now: float) -> None:
         """Publish a change of the mode, for records."""
@@ -312,5 +346,8 @@ class TreeMoveBase(MoveBase):
             self._step_recovery(behavior, now)
 
     def _end_recovery(self, end: BehaviorEnd, now: float) -> None:
+        if not self._is_by_tree:
+            super()._end_recovery(end, now)
+            return
         self._recoveries.follow(end.behavior)
         self._servers.end_behavior(end)

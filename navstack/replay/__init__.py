@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.replay.export import EPOCH_NS as EPOCH_NS
     from navstack.replay.export import export_run as export_run
     from navstack.replay.export import foxglove_layout as foxglove_layout
     from navstack.replay.log_replay import LogReplay as LogReplay

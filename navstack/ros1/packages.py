@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
 import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 import navstack
 from navstack import __version__
-from navstack.core import InputError, OutputError, ensure_directory, resolved
+from navstack.core import resolved
 from navstack.ros1 import ros
+from navstack.ros_node import write_packages
 
 # --- the files of the packages that `navstack ros1 install` writes ----------------------------------------------------
 
@@ -110,7 +109,6 @@ DROP_IN: Final = {
     "tf": ("static_transform_publisher",),
 }
 """Packages with the names of the original ones, and their nodes."""
-EXECUTABLE: Final = 0o755
 
 
 def packages(*, drop_in: bool) -> dict[str, dict[str, str]]:
@@ -168,77 +166,8 @@ def _search_path() -> str:
 
 
 def install(folder: Path, *, force: bool, drop_in: bool) -> list[Path]:
-    """Write the packages below `folder` and return their folders.
-
-    An existing one is replaced with `force`, if navstack has written it; otherwise nothing is written and InputError is raised.
-    Raises OutputError if the folder cannot be written, NotSupportedError without ROS.
-    """
-    made = packages(drop_in=drop_in)
-    for name in made:
-        _check(folder / name, force=force)
-    ensure_directory(folder)
-    try:
-        beside = Path(tempfile.mkdtemp(prefix=".navstack_ros1.", dir=folder))
-    except OSError as exc:
-        raise OutputError(f"cannot write to {folder}: {exc.strerror or exc}", path=str(folder)) from exc
-    try:
-        (beside / "CATKIN_IGNORE").touch()
-        (beside / "rospack_nosubdirs").touch()
-        for name, files in made.items():
-            _write(beside / name, files)
-        _exchange(folder, beside, list(made))
-    except OSError as exc:
-        raise OutputError(f"cannot write {exc.filename or folder}: {exc.strerror or exc}", path=str(folder)) from exc
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
-    return [folder / name for name in made]
-
-
-def _check(target: Path, *, force: bool) -> None:
-    if not os.path.lexists(target):
-        return
-    if not _is_ours(target):
-        raise InputError(
-            f"{target} exists and was not written by navstack; choose another folder, or move it away", path=str(target)
-        )
-    if not force:
-        raise InputError(f"{target} exists; replace it with --force, or choose another folder", path=str(target))
-
-
-def _is_ours(target: Path) -> bool:
-    for name in ("package.xml", "manifest.xml"):
-        try:
-            if MARKER in (target / name).read_text(encoding="utf-8"):
-                return not target.is_symlink()
-        except (OSError, UnicodeDecodeError):
-            continue
-    return False
-
-
-def _write(target: Path, files: Mapping[str, str]) -> None:
-    for name, text in files.items():
-        file = target / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
-        if name.startswith("scripts/"):
-            file.chmod(EXECUTABLE)
-
-
-def _exchange(folder: Path, beside: Path, names: list[str]) -> None:
-    """Move the new packages to their places and the old ones away; after an error everything is as before."""
-    old = beside / "old"
-    old.mkdir()
-    done: list[str] = []
-    try:
-        for name in names:
-            if (folder / name).exists():
-                (folder / name).rename(old / name)
-            done.append(name)
-            (beside / name).rename(folder / name)
-    except BaseException:
-        for name in reversed(done):
-            if (folder / name).exists() and not (beside / name).exists():
-                (folder / name).rename(beside / name)
-            if (old / name).exists():
-                (old / name).rename(folder / name)
-        raise
+    """Write the packages below `folder` and return their folders; see `write_packages`. Raises NotSupportedError without ROS."""
+    made = {
+        name: {path: text.encode() for path, text in files.items()} for name, files in packages(drop_in=drop_in).items()
+    }
+    return write_packages(folder, made, MARKER, force=force)

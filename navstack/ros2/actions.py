@@ -160,6 +160,11 @@ class Tasks:
         if goal is None:
             return
         if running is not None:
+            refusal = goal.task.refusal(running.task)
+            if refusal:
+                self._pending = None
+                self._finish(goal, Outcome(ABORTED, goal.task.codes.first, refusal), now)
+                return
             if not goal.task.takes_over and running.task.takes_over:
                 running.task.cancel()  # a motion waits until the drive has stopped
                 return

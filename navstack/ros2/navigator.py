@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from navstack.core import Event, InputError, Path, Pose2D, Transform2D, Twist2D
+from navstack.costmap import BinaryMaskLayer, MaskLayer
 from navstack.global_planner import SmoothedPlanner
 from navstack.move_base import MoveBase, ThreadPlanning, TickResult, full_speed
 from navstack.parameters import Configuration
@@ -21,7 +22,7 @@ from navstack.ros2.parameters import LiveParameters
 from navstack.ros2.ros import RosNode, value_of
 from navstack.ros2.services import Services
 from navstack.ros2.tasks import Task
-from navstack.ros2.topics import CostmapTopics, Diagnostics, PlanTopics
+from navstack.ros2.topics import BinaryState, CostmapTopics, Diagnostics, FilterTopics, PlanTopics
 from navstack.ros_messages import messages as msg
 from navstack.ros_node import (
     MOST_ODOMETRY,
@@ -50,6 +51,7 @@ class Navigator(StackNode):
     """
 
     name = "ros2"
+    trees_by_goal = True
 
     def __init__(self, configuration: Configuration, node: RosNode, record: RecordFolder | None = None) -> None:
         """`node` has been started. Raises InputError for wrong parameters."""
@@ -66,6 +68,8 @@ class Navigator(StackNode):
         super().__init__(configuration, node.log, NodeClock(node.now_ns), is_simulated=is_simulated, record=record)
         self.tasks = Tasks(node, self.inbox, self.clock)
         self._costmaps: list[CostmapTopics] = []
+        self._filters: list[FilterTopics] = []
+        self._states: list[BinaryState] = []
         self._plans: PlanTopics | None = None
         self._diagnostics: Diagnostics | None = None
         self._base = configuration.local_costmap.params.robot_base_frame
@@ -126,6 +130,7 @@ class Navigator(StackNode):
         goal_pose = inbox.poster(self._on_goal_pose, most=1)
         if ros.has_module("nav2_msgs"):
             self._serve_actions(move_base)
+            self._connect_filters(move_base)
             node.subscribe(
                 "speed_limit", "nav2_msgs/msg/SpeedLimit", inbox.poster(self._on_speed_limit, most=1), depth=10
             )
@@ -140,6 +145,13 @@ class Navigator(StackNode):
                 offer_state(node, inbox, name, self._state)
         if self._autostart:
             node.later(self._activate)
+
+    def _connect_filters(self, move_base: MoveBase) -> None:
+        layers = [layer for costmap in layered_costmaps(move_base) for layer in costmap.layers]
+        for layer in layers:
+            if isinstance(layer, MaskLayer) and layer.params.filter_info_topic:
+                self._filters.append(FilterTopics(layer, self.node, self.inbox, move_base.costmaps_changed))
+        self._states = [BinaryState(layer, self.node) for layer in layers if isinstance(layer, BinaryMaskLayer)]
 
     def _state(self) -> tuple[int, str]:
         return (3, "active") if self.tasks.is_active else INACTIVE
@@ -191,9 +203,10 @@ class Navigator(StackNode):
             "submit": self._submit,
             "stamp_ns": self.clock.ns,
         }
-        server("navigate_to_pose", "NavigateToPose", tasks.DriveTask)
-        server("navigate_through_poses", "NavigateThroughPoses", tasks.ThroughTask)
-        server("follow_waypoints", "FollowWaypoints", tasks.WaypointsTask, **waypoints)
+        default_tree = {"default_tree": self.configuration.navstack.behavior_tree}
+        server("navigate_to_pose", "NavigateToPose", tasks.DriveTask, **default_tree)
+        server("navigate_through_poses", "NavigateThroughPoses", tasks.ThroughTask, **default_tree)
+        server("follow_waypoints", "FollowWaypoints", tasks.WaypointsTask, **waypoints, **default_tree)
         server("follow_path", "FollowPath", tasks.FollowPathTask, controllers=controllers)
         server("spin", "Spin", tasks.SpinTask)
         server("backup", "BackUp", tasks.BackUpTask)
@@ -226,6 +239,8 @@ class Navigator(StackNode):
         """Publish costmaps and plans."""
         for topics, window in zip(self._costmaps, (tick.global_window, tick.local_window), strict=False):
             topics.publish(tick.time, window)
+        for state in self._states:
+            state.publish()
         if self._plans is not None:
             self._plans.publish(move_base, tick)
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
-import tempfile
 from pathlib import Path
 from typing import Final
 
 import yaml
 
 from navstack import __version__
-from navstack.core import InputError, OutputError, ensure_directory, is_file, resolved
+from navstack.core import InputError, is_file, resolved
+from navstack.ros_node import write_packages
 
 PACKAGE: Final = "navstack_ros2"
 MARKER: Final = "written by navstack ros2 install"
@@ -148,46 +146,6 @@ def _read(path: Path, argument: str) -> bytes:
 
 
 def install(folder: Path, params: list[str], map_: str, *, force: bool) -> Path:
-    """Write the package below `folder`, and return its folder.
-
-    An existing one is replaced with `force`, if navstack has written it; otherwise nothing is written and InputError is raised.
-    Raises OutputError if the folder cannot be written.
-    """
-    files = package_files(params, map_)
-    target = resolved(folder) / PACKAGE
-    _check(target, force=force)
-    ensure_directory(folder)
-    beside = None
-    try:
-        beside = Path(tempfile.mkdtemp(prefix=f".{PACKAGE}.", dir=folder))
-        for name, content in files.items():
-            file = beside / "new" / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(content)
-        if target.exists():
-            target.rename(beside / "old")
-        try:
-            (beside / "new").rename(target)
-        except OSError:
-            if (beside / "old").exists():
-                (beside / "old").rename(target)
-            raise
-    except OSError as exc:
-        raise OutputError(f"cannot write {target}: {exc.strerror or exc}", path=str(target)) from exc
-    finally:
-        if beside is not None:
-            shutil.rmtree(beside, ignore_errors=True)
-    return target
-
-
-def _check(target: Path, *, force: bool) -> None:
-    if not os.path.lexists(target):
-        return
-    manifest = target / "package.xml"
-    is_ours = not target.is_symlink() and is_file(manifest) and MARKER in manifest.read_text(errors="replace")
-    if not is_ours:
-        raise InputError(
-            f"{target} exists and was not written by navstack; choose another folder, or move it away", path=str(target)
-        )
-    if not force:
-        raise InputError(f"{target} exists; replace it with --force, or choose another folder", path=str(target))
+    """Write the package below `folder`, and return its folder; see `write_packages`."""
+    (written,) = write_packages(resolved(folder), {PACKAGE: package_files(params, map_)}, MARKER, force=force)
+    return written

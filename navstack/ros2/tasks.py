@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from navstack.behavior_trees import BehaviorTreeError, find_tree
 from navstack.behaviors import (
     BackUp,
     BackUpParams,
@@ -22,7 +23,7 @@ from navstack.behaviors import (
 )
 from navstack.bringup import FollowPath, PoseSequence, TargetPose, TaskResult
 from navstack.core import CollisionAheadError, FrameError, InputError, NavError, ParameterError, Path, Pose2D
-from navstack.move_base import GoalStatus, MotionHandle, MoveBase
+from navstack.move_base import GoalStatus, MotionHandle, MoveBase, TreeMoveBase
 from navstack.plugins import Behavior
 from navstack.ros_messages import MessageBuilder, time_ns
 from navstack.ros_messages import messages as msg
@@ -104,6 +105,11 @@ class Task(ABC):
         self.goal, self.move_base, self.build = goal, move_base, build
         self.started_at = 0.0
 
+    def refusal(self, running: Task) -> str:
+        """Return why this task cannot take over from a running one; empty if it can."""
+        del running
+        return ""
+
     @abstractmethod
     def begin(self, now: float) -> None:
         """Start. Raises a NavError, and the goal is aborted."""
@@ -142,6 +148,8 @@ class DriveTask(Task):
     takes_over = True
     through = True
     stop_on_failure = True
+    default_tree = ""
+    """The behavior tree of a goal that names none; empty: the states of move_base drive it."""
 
     def __init__(self, goal: Any, move_base: MoveBase, build: MessageBuilder) -> None:
         super().__init__(goal, move_base, build)
@@ -153,17 +161,41 @@ class DriveTask(Task):
         """Return the poses (PoseStamped) of the goal."""
         return [self.goal.pose]
 
+    @property
+    def tree(self) -> str:
+        """The file, or the name of a packaged one, of the behavior tree of the goal."""
+        return str(getattr(self.goal, "behavior_tree", "")) or self.default_tree
+
+    def refusal(self, running: Task) -> str:
+        """Refuse to replace a drive of another behavior tree, as Nav2: its tree would have to be ended first."""
+        if not isinstance(running, DriveTask) or running.tree == self.tree:
+            return ""
+        return (
+            f'the running goal is driven by the behavior tree "{running.tree}", this one names "{self.tree}"; '
+            "cancel the running goal first"
+        )
+
+    def _load_tree(self) -> None:
+        """Let the goal manager drive by the tree of this goal. Raises TreeNotLoadedError."""
+        move_base = self.move_base
+        assert isinstance(move_base, TreeMoveBase)
+        try:
+            source = find_tree(self.tree) if self.tree else None
+            if source == move_base.tree_source:
+                return
+            if source is None:
+                move_base.use_states()
+            else:
+                move_base.use_tree(source)
+        except BehaviorTreeError as exc:
+            raise TreeNotLoadedError(exc.message, code=self.codes.first + 1) from exc
+
     def begin(self, now: float) -> None:
         """Send the first pose."""
-        tree = str(getattr(self.goal, "behavior_tree", ""))
-        if tree:
-            raise TreeNotLoadedError(
-                f'the behavior tree "{tree}" is not loaded: the navigator drives by its parameters; start it with the tree',
-                code=self.codes.first + 1,
-            )
         poses = self.poses()
         if not poses:
             raise InputError("the goal has no poses; give at least one")
+        self._load_tree()
         self.started_at = now
         self.drive = PoseSequence(
             self.move_base,
@@ -322,7 +354,7 @@ class WaypointsTask(DriveTask):
 
 
 class TreeNotLoadedError(NavError):
-    """The goal names another behavior tree than that of the navigator."""
+    """The behavior tree that a goal names cannot be read."""
 
     name = "FAILED_TO_LOAD_BEHAVIOR_TREE"
 

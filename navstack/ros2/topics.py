@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from navstack.core import Costmap, NavError, Pose2D, Transform2D, Window
-from navstack.costmap import LayeredCostmap, StaticLayer
+from navstack.core import Costmap, InputError, NavError, Pose2D, Transform2D, Window
+from navstack.costmap import (
+    BinaryMaskLayer,
+    KeepoutMaskLayer,
+    LayeredCostmap,
+    MaskLayer,
+    SpeedMaskLayer,
+    StaticLayer,
+)
 from navstack.move_base import MoveBase, Schedule, TickResult
 from navstack.ros2 import ros
 from navstack.ros2.ros import RosNode
 from navstack.ros_messages import MessageBuilder
+from navstack.ros_messages import messages as msg
 from navstack.ros_node import Inbox, LoopTimes, NodeClock, NodeState, RosRobot, use_footprint, use_map_update
 
 GRID, UPDATE = "nav_msgs/msg/OccupancyGrid", "map_msgs/msg/OccupancyGridUpdate"
@@ -111,6 +120,62 @@ def raw_update(build: MessageBuilder, stamp_ns: int, costmap: Costmap, window: W
         size_y=part.shape[0],
         data=np.ascontiguousarray(part).ravel(),
     )
+
+
+FILTER_TYPES: Final[dict[int, tuple[type[MaskLayer], dict[str, str]]]] = {
+    0: (KeepoutMaskLayer, {}),
+    1: (SpeedMaskLayer, {"type": "percent"}),
+    2: (SpeedMaskLayer, {"type": "absolute"}),
+    3: (BinaryMaskLayer, {}),
+}
+"""Layer, and what it must be told, of each type in nav2_msgs/CostmapFilterInfo."""
+
+
+class FilterTopics:
+    """Takes the mask of one costmap filter from the topics that its `filter_info_topic` names, as Nav2."""
+
+    def __init__(self, layer: MaskLayer, node: RosNode, inbox: Inbox, changed: Callable[[], None]) -> None:
+        """`changed` is called when a new mask is in use."""
+        self._layer, self._node, self._inbox, self._changed = layer, node, inbox, changed
+        self._mask_topic = ""
+        receive = inbox.poster(self._on_info, most=1)
+        node.subscribe(layer.params.filter_info_topic, "nav2_msgs/msg/CostmapFilterInfo", receive, latched=True)
+
+    def _on_info(self, message: Any) -> None:
+        layer, kind = self._layer, int(message.type)
+        cls, told = FILTER_TYPES.get(kind, (None, {}))
+        if cls is not type(layer):
+            topic = layer.params.filter_info_topic
+            raise InputError(f"{topic} is of type {kind}, which is not for {layer.name}; the message is ignored")
+        if not isinstance(layer, KeepoutMaskLayer):
+            told = {**told, "base": float(message.base), "multiplier": float(message.multiplier)}
+        layer.params = layer.params.model_copy(update=told)
+        topic, self._mask_topic = self._mask_topic, str(message.filter_mask_topic)
+        if topic != self._mask_topic:
+            receive = self._inbox.poster(partial(self._on_mask, topic=self._mask_topic), most=1)
+            # in the thread of rclpy, which may itself be waiting for this one
+            self._node.later(partial(self._node.subscribe, self._mask_topic, GRID, receive, latched=True))
+        self._changed()
+
+    def _on_mask(self, message: Any, *, topic: str) -> None:
+        if topic == self._mask_topic:
+            self._layer.set_mask(msg.map_of(message, topic, self._node.log.logwarn))
+            self._changed()
+
+
+class BinaryState:
+    """`binary_state` (std_msgs/Bool) of the binary filters: sent when it changes, and to late subscribers."""
+
+    def __init__(self, layer: BinaryMaskLayer, node: RosNode) -> None:
+        self._layer, self._build = layer, node.build
+        self._out = node.publisher("binary_state", "std_msgs/msg/Bool", latched=True)
+        self._sent: bool | None = None
+
+    def publish(self) -> None:
+        """Publish the state if it has changed."""
+        if self._layer.state != self._sent:
+            self._sent = self._layer.state
+            self._out.publish(self._build.of("std_msgs/msg/Bool", data=self._sent))
 
 
 class Diagnostics:

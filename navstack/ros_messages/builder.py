@@ -307,9 +307,17 @@ class MessageBuilder:
             polygon=self.of("geometry_msgs/msg/Polygon", points=points),
         )
 
-    def line_marker(self, time_ns: int, frame: str, name: str, points: NDArray[np.float64]) -> Any:
+    def line_marker(
+        self,
+        time_ns: int,
+        frame: str,
+        name: str,
+        points: NDArray[np.float64],
+        *,
+        rgb: tuple[float, float, float] = (0.0, 0.45, 0.7),
+    ) -> Any:
         """Return a MarkerArray with one line through points (n, >= 2)."""
-        color = self.of("std_msgs/msg/ColorRGBA", r=0.0, g=0.45, b=0.7, a=1.0)
+        color = self.of("std_msgs/msg/ColorRGBA", r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
         duration = {"sec": 0, "nanosec": 0}
         extra = (
             {}

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from navstack.ros_node.pace import ClockPace as ClockPace
     from navstack.ros_node.pace import Pace as Pace
     from navstack.ros_node.pace import WallPace as WallPace
+    from navstack.ros_node.packages import write_packages as write_packages
     from navstack.ros_node.planner_copy import PlannerCopy as PlannerCopy
     from navstack.ros_node.robot import RECEIVERS as RECEIVERS
     from navstack.ros_node.robot import RosRobot as RosRobot

@@ -50,6 +50,8 @@ class StackNode(ABC):
     name: str
     """Of the scenario in records."""
     hears_feedback = False
+    trees_by_goal = False
+    """True if a goal can name its behavior tree."""
 
     def __init__(
         self,
@@ -163,7 +165,12 @@ class StackNode(ABC):
             listeners.append(self.record)
         planning = ThreadPlanning(on_answer=self.inbox.wake)
         self.move_base = build_move_base(
-            self.configuration, self.robot, static_map=self.map, listeners=listeners, planning=planning
+            self.configuration,
+            self.robot,
+            static_map=self.map,
+            listeners=listeners,
+            planning=planning,
+            trees_by_goal=self.trees_by_goal,
         )
         self.connect(self.move_base, planning)
         # what exists now lives as long as the node: the garbage collector need not visit it in a cycle

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import navstack as nav
-from navstack.behavior_trees import BehaviorTreeError
+from navstack.behavior_trees import BehaviorTreeError, find_tree
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Pose2D
-from navstack.move_base import GoalHandle, GoalStatus, TreeMoveBase
+from navstack.move_base import BusyError, GoalHandle, GoalStatus, MoveBase, TreeMoveBase
 from navstack.parameters import load_configuration
 from navstack.sim import SimulatedRobot
 from tests.behavior_trees.golden_cases import FOLDER
@@ -24,15 +24,15 @@ SHIPPED = sorted((FOLDER / "behavior_trees").glob("nav*to_pose*.xml")) + sorted(
 )
 
 
-def build(tree: str | Path) -> tuple[TreeMoveBase, SimulatedRobot]:
+def build(tree: str | Path | None) -> tuple[TreeMoveBase, SimulatedRobot]:
     configuration, grid = load_configuration(["turtlebot"]), nav.load_map("office")
     robot = simulated_robot(configuration, grid, Pose2D(0.8, 7.45, 0.0))
-    move_base = build_move_base(configuration, robot, static_map=grid, behavior_tree=tree)
+    move_base = build_move_base(configuration, robot, static_map=grid, behavior_tree=tree, trees_by_goal=True)
     assert isinstance(move_base, TreeMoveBase)
     return move_base, robot
 
 
-def run(move_base: TreeMoveBase, robot: SimulatedRobot, handle: GoalHandle, until: float = 300.0) -> None:
+def run(move_base: MoveBase, robot: SimulatedRobot, handle: GoalHandle, until: float = 300.0) -> None:
     ticks = 0
     while not handle.is_done and robot.time < until and ticks < 50_000:
         robot.advance_to(move_base.next_due(robot.time))
@@ -108,6 +108,41 @@ def test_a_second_goal_begins_anew() -> None:
         handle = move_base.send_goal(goal)
         run(move_base, robot, handle)
         assert handle.status is GoalStatus.SUCCEEDED
+
+
+def test_the_tree_changes_between_goals_and_without_one_the_states_drive() -> None:
+    move_base, robot = build(None)
+    plain = build_move_base(load_configuration(["turtlebot"]), robot, static_map=nav.load_map("office"))
+    assert not isinstance(plain, TreeMoveBase)
+    seen: list[tuple[bool, bool]] = []
+    for source, goal in ((None, OFFICE_2), (DEFAULT, Pose2D(6.2, 10.5, -1.57)), (None, OFFICE_2)):
+        if source is None:
+            move_base.use_states()
+        else:
+            move_base.use_tree(find_tree(source))
+        handle = move_base.send_goal(goal)
+        run(move_base, robot, handle, until=robot.time + 1.0)
+        with pytest.raises(BusyError, match="a goal is driven"):
+            move_base.use_tree(find_tree(DEFAULT))
+        run(move_base, robot, handle)
+        seen.append((handle.status is GoalStatus.SUCCEEDED, move_base.tree_source is not None))
+        assert robot.pose.distance_to(goal) < 0.3
+    assert seen == [(True, False), (True, True), (True, False)]
+    with pytest.raises(BehaviorTreeError, match="not valid XML"):
+        move_base.use_tree("<root><BehaviorTree></root>")
+    assert move_base.tree_source is None
+
+
+def test_without_a_tree_it_drives_as_move_base_does() -> None:
+    poses = []
+    for trees_by_goal in (False, True):
+        configuration, grid = load_configuration(["turtlebot"]), nav.load_map("office")
+        robot = simulated_robot(configuration, grid, Pose2D(0.8, 7.45, 0.0))
+        move_base = build_move_base(configuration, robot, static_map=grid, trees_by_goal=trees_by_goal)
+        handle = move_base.send_goal(IN_A_WALL)
+        run(move_base, robot, handle)
+        poses.append((robot.time, *robot.pose, handle.result.recoveries, handle.result.error_code))
+    assert poses[0] == poses[1]
 
 
 def test_two_runs_are_equal() -> None:

@@ -310,6 +310,7 @@ def test_a_binary_filter_finds_its_mask_through_its_topics(tmp_path: Path) -> No
     assert layer.params.model_dump() == {
         "enabled": True,
         "mask": str(tmp_path / "mask.yaml"),
+        "filter_info_topic": "/info",
         "base": 0.0,
         "multiplier": 2.0,
         "default_state": True,

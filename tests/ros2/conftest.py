@@ -124,9 +124,9 @@ def graph(tmp_path: Path) -> Iterator[Graph]:
         graph.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """The packaged turtlebot in the office, with the navigator, at up to twice the speed."""
+    """The packaged turtlebot in the office, with the navigator, at up to twice the speed; tests leave it as it was."""
     graph = Graph(tmp_path_factory.mktemp("ros2"), number=101 + os.getpid() % 100)
     try:
         graph.start_sim("office", "--clock", "--speed", paced(2))

@@ -38,6 +38,15 @@ found["after"] = go.run(NavigateToPose.Goal(pose=stamped(1.2, 7.45)))
 found["no frame"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45, frame="nowhere")))
 found["no tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree="other.xml"))
 
+tree = "navigate_to_pose_w_replanning_and_recovery"
+pathlib.Path(sys.argv[1] + ".xml").write_text("<root><BehaviorTree ID='Main'><Sequenze/></BehaviorTree></root>")
+found["wrong tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree=sys.argv[1] + ".xml"))
+found["tree"] = go.run(NavigateToPose.Goal(pose=stamped(2.0, 7.45), behavior_tree=tree))
+running = go.send(NavigateToPose.Goal(pose=stamped(4.0, 7.45), behavior_tree=tree))
+found["beside a tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45)))
+found["the tree goes on"] = go.end(running)[0]
+found["without the tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.2, 7.45)))
+
 through = Action(NavigateThroughPoses, "navigate_through_poses")
 status, result = through.end(through.send(NavigateThroughPoses.Goal(
     poses=Goals(goals=[stamped(3.0, 7.45), stamped(5.0, 7.45)]))))
@@ -158,6 +167,15 @@ def test_goals_that_cannot_be_reached(drives: dict[str, Any]) -> None:
     assert status == ABORTED and code == 9002 and "nowhere" in text
     status, code, text = drives["no tree"]
     assert status == ABORTED and code == 9001 and "other.xml" in text
+
+
+def test_a_goal_names_its_behavior_tree(drives: dict[str, Any]) -> None:
+    assert drives["tree"] == [SUCCEEDED, 0, ""]
+    status, code, text = drives["wrong tree"]
+    assert status == ABORTED and code == 9001 and ".xml:1:" in text and "Sequenze" in text
+    status, code, text = drives["beside a tree"]
+    assert status == ABORTED and code == 9000 and "cancel the running goal first" in text
+    assert drives["the tree goes on"] == SUCCEEDED and drives["without the tree"] == [SUCCEEDED, 0, ""]
 
 
 def test_drives_through_poses(drives: dict[str, Any]) -> None:

@@ -1,15 +1,11 @@
-"""Clients and servers of different distributions, several robots, and what a user sees without ROS 2.
+"""Clients and servers of different distributions, several robots, and parameters of ROS.
 
 Spin, BackUp and NavigateThroughPoses have other fields from Kilted on: their clients and servers must be of one distribution.
 """
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
-
-import pytest
 
 from tests.ros1.conftest import paced
 from tests.ros2.conftest import Graph, new_environment
@@ -93,13 +89,3 @@ def test_a_misspelt_parameter_of_ros(tmp_path: Path) -> None:
         assert "sim_time" in graph.log_of(program)
     finally:
         graph.close()
-
-
-@pytest.mark.parametrize("command", ["sim", "navigator"])
-def test_without_rclpy(command: str) -> None:
-    """This interpreter has no rclpy."""
-    done = subprocess.run(
-        [sys.executable, "-m", "navstack", "ros2", command], capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 2
-    assert "source ROS 2 first" in done.stderr and "Traceback" not in done.stderr

@@ -679,6 +679,8 @@ class _Translator:
         topic = node.text(f"{block.prefix}filter_info_topic") or ""
         param = node.params.get(f"{block.prefix}filter_info_topic")
         at = param.at if param is not None else block.at
+        if topic:
+            self._put(below, "filter_info_topic", topic, at)
 
         def left_out(why: str) -> None:
             message = f"{block.id} has no effect: {why}; name the mask: --set {below.path}/mask=FILE.yaml"
