@@ -277,7 +277,7 @@ class _Tap:
             corners = pose.apply_points(move_base.local_costmap.footprint.vertices)
             footprint = build.polygon(_ns(now), move_base.local_costmap.frame, corners)
             kind = "geometry_msgs/msg/PolygonStamped"
-            self._write(f"{self._names.local_costmap}/footprint", kind, now, footprint)
+            self._write(self._names.footprint, kind, now, footprint)
 
 
 class _Names:
@@ -288,6 +288,7 @@ class _Names:
         prefix = "/move_base" if ros1 else ""
         self.global_costmap = f"{prefix}/global_costmap"
         self.local_costmap = f"{prefix}/local_costmap"
+        self.footprint = f"{self.local_costmap}/{'footprint' if ros1 else 'published_footprint'}"
         planner, controller = configuration.global_planner, configuration.local_planner
         self.plan = f"{prefix}/{planner.namespace or planner.name}/plan" if ros1 else "/plan"
         self.local_plan = f"{prefix}/{controller.namespace or controller.name}/local_plan" if ros1 else "/local_plan"
@@ -315,11 +316,16 @@ def foxglove_layout(*, is_ros1: bool) -> dict[str, Any]:
         f"{prefix}/local_costmap/costmap": {"visible": True, "colorMode": "costmap", "alpha": 0.6},
     }
     lines = {
-        f"{prefix}/local_costmap/footprint": {"visible": True, "color": "#0072b2ff"},
+        f"{prefix}/local_costmap/{'footprint' if is_ros1 else 'published_footprint'}": {
+            "visible": True,
+            "color": "#0072b2ff",
+        },
         "/scan": {"visible": True, "colorMode": "flat", "flatColor": "#d55e00ff", "pointSize": 4},
         "/navstack/trajectory": {"visible": True},
         "/goal_pose": {"visible": True},
     }
+    if not is_ros1:  # a live session has these instead of the two above
+        lines |= {"/marker": {"visible": True}, "/current_goal": {"visible": True}}
     plans = {f"{prefix}/{name}/plan": {"visible": True, "gradient": ["#009e73ff", "#009e73ff"]} for name in _PLANNERS}
     paths = plans if is_ros1 else {"/plan": {"visible": True}, "/local_plan": {"visible": True}}
     scene = {

@@ -39,7 +39,7 @@ found["no frame"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45, frame="no
 found["no tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree="other.xml"))
 
 tree = "navigate_to_pose_w_replanning_and_recovery"
-pathlib.Path(sys.argv[1] + ".xml").write_text("<root><BehaviorTree ID='Main'><Sequenze/></BehaviorTree></root>")
+pathlib.Path(sys.argv[1] + ".xml").write_text("<root><BehaviorTree ID='Main'><Sequence_/></BehaviorTree></root>")
 found["wrong tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree=sys.argv[1] + ".xml"))
 found["tree"] = go.run(NavigateToPose.Goal(pose=stamped(2.0, 7.45), behavior_tree=tree))
 running = go.send(NavigateToPose.Goal(pose=stamped(4.0, 7.45), behavior_tree=tree))
@@ -172,7 +172,7 @@ def test_goals_that_cannot_be_reached(drives: dict[str, Any]) -> None:
 def test_a_goal_names_its_behavior_tree(drives: dict[str, Any]) -> None:
     assert drives["tree"] == [SUCCEEDED, 0, ""]
     status, code, text = drives["wrong tree"]
-    assert status == ABORTED and code == 9001 and ".xml:1:" in text and "Sequenze" in text
+    assert status == ABORTED and code == 9001 and ".xml:1:" in text and "Sequence_" in text
     status, code, text = drives["beside a tree"]
     assert status == ABORTED and code == 9000 and "cancel the running goal first" in text
     assert drives["the tree goes on"] == SUCCEEDED and drives["without the tree"] == [SUCCEEDED, 0, ""]
