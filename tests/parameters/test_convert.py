@@ -425,13 +425,6 @@ def test_the_slowest_turn_is_in_reach_from_rest(written: float, least: float, ki
     assert change.kind == kind and ("out of DWB's reach" in change.note) == (kind == "nearest")
 
 
-def test_the_center_stays_out_of_inscribed_cells_as_in_move_base(tmp_path: Path) -> None:
-    for name in ("turtlebot", "turtlebot_rollout"):
-        made, _ = nav2([name], tmp_path / name)
-        follow = yaml.safe_load(made.files["nav2_params.yaml"])["controller_server"]["ros__parameters"]["FollowPath"]
-        assert "BaseObstacle" in follow["critics"] and 0.0 < follow["BaseObstacle"]["scale"] < 1e-5
-
-
 def test_trajectory_rollout_counts_cells_or_meters(tmp_path: Path) -> None:
     for meters, scale in ((True, 2.0 * 0.7), (False, 2.0 * 0.7 / 0.05)):
         raw = {

@@ -207,9 +207,6 @@ _ROLLOUT: Final = (
         "drops poses by distance from the robot; move_base, poses that it has passed",
     ),
 )
-_FORBIDS_ONLY: Final = 1e-6
-"""Scale of a critic that rejects trajectories and hardly scores; DWB skips a critic with scale 0."""
-_CENTER: Final = "only forbids the center on 253, 254 and 255, which the distances of move_base reject"
 _TURN: Final = "path and goal scale together: the turn at the goal outweighs the distances, as in move_base"
 _DECELERATION: Final = tuple(
     _Row(
@@ -468,7 +465,6 @@ class _Converter:
         self.rows(node, scope, section, prefix, _DECELERATION)
         side = 0.5 * max(self.c.local_costmap.params.width, self.c.local_costmap.params.height)
         self._plan_window(section, side)
-        critics = {**critics, "BaseObstacle": (_FORBIDS_ONLY, "", _CENTER, "added")}
         self.put(
             node, scope, "critics", list(critics), prefix=prefix, kind="added", note="the terms of move_base's score"
         )
