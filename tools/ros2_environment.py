@@ -65,9 +65,7 @@ def environment(distro: str) -> Environment:
         PINS / "interfaces.txt",
         PINS / "build_interfaces.py",
     )
-    lines = (ROOT / "constraints.txt").read_text().splitlines()
-    pins = (line for line in lines if line.partition("==")[0].lower().replace("_", "-") in NAVSTACK)
-    found = hashlib.sha256("\0".join((sys.version, *(file.read_text() for file in files), *pins)).encode())
+    found = hashlib.sha256("\0".join((sys.version, *(file.read_text() for file in files))).encode())
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return Environment(distro, cache / "navstack" / "ros2" / f"{distro}-{found.hexdigest()[:12]}")
 

@@ -254,7 +254,7 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
     },
     "costmap layer": {
         "binary_mask": PluginNames(
-            values="enabled mask base multiplier default_state flip_threshold",
+            values="enabled mask filter_info_topic base multiplier default_state flip_threshold",
             others="binary_state_topic",
         ),
         "decaying_voxel": PluginNames(
@@ -271,7 +271,7 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
             values="enabled cost_scaling_factor inflation_radius inflate_unknown",
         ),
         "keepout_mask": PluginNames(
-            values="enabled mask",
+            values="enabled mask filter_info_topic",
         ),
         "nav2_denoise": PluginNames(
             values="enabled minimal_group_size group_connectivity_type",
@@ -322,7 +322,7 @@ BUILTIN_NAMES: Final[dict[str, dict[str, PluginNames]]] = {
             ),
         ),
         "speed_mask": PluginNames(
-            values="enabled mask type base multiplier",
+            values="enabled mask filter_info_topic type base multiplier",
         ),
         "static": PluginNames(
             values=(

@@ -49,7 +49,9 @@ MEASURES: Final = (
     Measure("space_compliance", "share of time within 0.5 m of people", 3, -1, both_succeed=False, possible=_SHARE),
     Measure("discomfort", "share of time within 0.2 m of people", 3, -1, both_succeed=False, possible=_SHARE),
     Measure("personal", "share of time in personal space", 3, -1, both_succeed=False, possible=_SHARE),
-    Measure("time_to_collision_min_s", "minimum time to collision (s)", 2, +1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure(
+        "time_to_collision_min_s", "minimum time to collision (s)", 2, +1, both_succeed=False, possible=_NOT_NEGATIVE
+    ),
     Measure("contacts_by_robot", "contacts by the robot", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
     Measure("contacts_by_people", "contacts by people", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
     Measure("path_efficiency", "driven / planned length", 3, -1, possible=_NOT_NEGATIVE),
