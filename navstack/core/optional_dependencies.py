@@ -10,7 +10,6 @@ from navstack.core.errors import InputError
 _EXTRAS: Final = {
     "gymnasium": "gym",
     "onnxruntime": "gym",
-    "stable_baselines3": "learning",
     "aiohttp": "live",
     "rosbags": "bags",
     "lz4": "bags",

@@ -23,7 +23,6 @@ import gymnasium
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path = [p for p in sys.path if Path(p).resolve() != Path(__file__).resolve().parent]  # this file is not gym
 
 import navstack.gym
 from navstack.core import GridGeometry, OccupancyGrid
