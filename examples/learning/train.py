@@ -18,9 +18,9 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
-from navstack.gym import StableBaselinesEnv
+from navstack.gym import stable_baselines_env
 
 TASK = {
     "robot": "jackal_dwa",
@@ -44,7 +44,7 @@ class Progress(BaseCallback):
         super().__init__()
         self.ends, self.every = 60.0 * minutes, 60.0 * every
         self.file, self.rows = file, list[dict[str, float]]()
-        self.held_out = StableBaselinesEnv(50, split="held_out", count=50, level_seed=seed, **TASK)
+        self.held_out = stable_baselines_env(50, split="held_out", count=50, level_seed=seed, **TASK)
 
     def _on_training_start(self) -> None:
         self.begin, self.next, self.processor = time.monotonic(), 0.0, time.process_time()
@@ -75,7 +75,7 @@ class Progress(BaseCallback):
         export(self.model, self.file)
 
 
-def drive_once(model: PPO, env: StableBaselinesEnv) -> list[dict]:
+def drive_once(model: PPO, env: VecEnv) -> list[dict]:
     """Drive world i with environment i; how each episode ended."""
     env.set_options({"level": list(range(env.num_envs))})
     env.seed(0)
@@ -122,7 +122,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("policy.onnx"))
     options = parser.parse_args()
     torch.set_num_threads(1)  # small networks; the other core simulates
-    env = StableBaselinesEnv(options.envs, split="train", count=options.worlds, **TASK)
+    env = stable_baselines_env(options.envs, split="train", count=options.worlds, **TASK)
     env.seed(options.seed)
     model = PPO(
         "MlpPolicy",

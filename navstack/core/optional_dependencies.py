@@ -11,7 +11,6 @@ _EXTRAS: Final = {
     "foxglove": "foxglove",
     "gymnasium": "gym",
     "onnxruntime": "gym",
-    "stable_baselines3": "learning",
     "aiohttp": "live",
     "rosbags": "bags",
     "lz4": "bags",

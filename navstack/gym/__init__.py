@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from navstack.gym.levels import read_levels as read_levels
     from navstack.gym.local_control import LocalControlEnv as LocalControlEnv
     from navstack.gym.local_control import LocalControlVectorEnv as LocalControlVectorEnv
-    from navstack.gym.sb3 import StableBaselinesEnv as StableBaselinesEnv
+    from navstack.gym.sb3 import stable_baselines_env as stable_baselines_env
     from navstack.gym.stack import PlannerParamsEnv as PlannerParamsEnv
     from navstack.gym.stack import ResidualEnv as ResidualEnv
     from navstack.gym.task import REWARDS as REWARDS

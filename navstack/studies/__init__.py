@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from navstack.studies.random_scenarios import RandomTask as RandomTask
     from navstack.studies.run_page import write_run_report as write_run_report
     from navstack.studies.safety import SafetyTask as SafetyTask
-    from navstack.studies.search_space import candidates as candidates
     from navstack.studies.search_space import SearchSpace as SearchSpace
+    from navstack.studies.search_space import candidates as candidates
     from navstack.studies.search_space_parser import parse_search_space as parse_search_space
     from navstack.studies.setup import SearchOptions as SearchOptions
     from navstack.studies.setup import Setup as Setup

@@ -10,12 +10,12 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 from navstack.core import InputError
-from navstack.gym import LocalControlEnv, StableBaselinesEnv
+from navstack.gym import LocalControlEnv, stable_baselines_env
 
 
 def test_episodes_follow_each_other_as_stable_baselines_wants() -> None:
     options: dict[str, Any] = {"count": 2, "beams": 20, "max_episode_steps": 6, "flat": True}
-    env, single = StableBaselinesEnv(3, **options), LocalControlEnv(**options)
+    env, single = stable_baselines_env(3, **options), LocalControlEnv(**options)
     env.seed(5)
     observations = env.reset()
     alone, _ = single.reset(seed=6)
@@ -40,7 +40,7 @@ def test_episodes_follow_each_other_as_stable_baselines_wants() -> None:
 def test_stable_baselines_accepts_it() -> None:
     from stable_baselines3 import PPO
 
-    env = StableBaselinesEnv(2, count=1, beams=10, max_episode_steps=20)
+    env = stable_baselines_env(2, count=1, beams=10, max_episode_steps=20)
     model = PPO("MultiInputPolicy", env, n_steps=16, batch_size=16, n_epochs=1, device="cpu")
     model.learn(32)
     assert env.get_attr("num_envs") == [2, 2] and env.env_is_wrapped(object) == [False, False]
@@ -49,4 +49,4 @@ def test_stable_baselines_accepts_it() -> None:
 
 def test_the_autoreset_mode_is_fixed() -> None:
     with pytest.raises(InputError, match="leave out autoreset_mode"):
-        StableBaselinesEnv(2, autoreset_mode="Disabled")
+        stable_baselines_env(2, autoreset_mode="Disabled")

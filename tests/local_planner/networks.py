@@ -20,7 +20,7 @@ def write_network(
     kind: int = TensorProto.FLOAT,
 ) -> Path:
     """Write tanh(observation @ weights + bias)."""
-    size = weights.shape[0]
+    size = len(weights)
     element = np.float32 if kind == TensorProto.FLOAT else np.float64
     nodes = [
         helper.make_node("MatMul", ["observation", "weights"], ["product"]),

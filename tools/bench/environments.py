@@ -1,6 +1,6 @@
 """Speed of the Gymnasium environments, next to navground and ir-sim where they are installed.
 
-    python tools/bench/gym.py [--barn FOLDER] [--steps 2000] [--threads 2] [--peers] [--rough]
+    python tools/bench/environments.py [--barn FOLDER] [--steps 2000] [--threads 2] [--peers] [--rough]
 
 Steps per second of wall time, and microseconds of processor time per step, the best of three repeats; resets count. The robot
 drives at random through a generated BARN world (or number 295 of the folder), with lidar ranges of 10 m, 0.1 s per step. `discs`
@@ -12,7 +12,6 @@ are its cylinders; `cells` the same world as a map with cells of 0.05 m.
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -21,9 +20,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path = [p for p in sys.path if Path(p).resolve() != Path(__file__).resolve().parent]  # this file is not gym
 
 import navstack.gym
 from navstack.core import GridGeometry, OccupancyGrid
