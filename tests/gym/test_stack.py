@@ -128,7 +128,8 @@ def test_parameters_change_in_the_running_stack(levels: list[Level]) -> None:
         assert observation["parameters"].tolist() == action.tolist()
         speeds.append(float(np.hypot(*env._run.robot.state().velocity[:2])))
         assert info["time"] == pytest.approx(4.0 * len(speeds), abs=0.25)
-    assert speeds[0] <= 0.1 + 1e-9 and speeds[1] > 0.15
+    # samples of DWA are float32
+    assert speeds[0] <= 0.1 + 1e-7 and speeds[1] > 0.15
 
 
 def test_replaced_parameters_are_those_of_a_new_configuration() -> None:
