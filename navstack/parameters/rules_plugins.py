@@ -471,3 +471,13 @@ document(
     """,
     __name__,
 )
+document(
+    "policy-model",
+    "error",
+    """The controller `policy` cannot run its model: the file is missing or no ONNX model, or the shapes of its input and
+    output are not those that `beams`, `plan_points`, `last_action` and the limits ask for.
+
+    Fix: set these parameters to those of the training, or export the model again.
+    """,
+    __name__,
+)

@@ -127,7 +127,7 @@ ROUGH = 2e-5
 ARCSINE = 0.5 * math.pi - 1.0
 
 
-@kernel
+@plain_kernel
 def rough_angle(x, y):
     """Angle (rad) of the vector (x, y), not zero, to within `ROUGH`: a third of the time of atan2.
 
@@ -144,7 +144,7 @@ def rough_angle(x, y):
     return angle if y >= 0.0 else -angle
 
 
-@kernel
+@plain_kernel
 def see_disc(ranges, beams, cx, cy, r, d2, angle_min, per_radian):
     """Shortens the `ranges` (n,) of the beams that hit the disc at (cx, cy) in the sensor's frame (m); d2: squared distance.
 
