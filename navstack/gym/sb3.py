@@ -51,7 +51,6 @@ def _adapter() -> Any:
             self._actions: Any = None
             self._seed: int | Sequence[int | None] | None = None
             super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
-            self.render_mode = None
 
         def seed(self, seed: int | None = None) -> Sequence[int | None]:
             """Set the seeds of the next `reset`: environment i has seed + i."""
@@ -90,7 +89,7 @@ def _adapter() -> Any:
 
         def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
             """Return the attribute, which all environments share, once per environment."""
-            value = self.render_mode if attr_name == "render_mode" else getattr(self.env, attr_name)
+            value = getattr(self.env, attr_name)
             return [value for _ in self._get_indices(indices)]
 
         def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
