@@ -154,9 +154,9 @@ class SocialMetrics:
 
         return (
             ("people", str(self.people)),
-            ("least distance of a person", text(self.distance_min_m, 2, "m")),
+            ("minimum distance to a person", text(self.distance_min_m, 2, "m")),
             ("share of the time within 0.5 m of people", text(100.0 * self.space_compliance, 0, "%")),
-            ("least time to collision", text(self.time_to_collision_min_s, 1, "s")),
+            ("minimum time to collision", text(self.time_to_collision_min_s, 1, "s")),
             ("contacts by the robot", str(self.contacts_by_robot)),
             ("contacts by people", str(self.contacts_by_people)),
             ("mean delay of people", text(self.disturbance_s, 1, "s")),

@@ -246,6 +246,6 @@ def test_values_are_replaced_by_name() -> None:
     """The reports show the most important ones, with units, and a dash for what is unknown."""
     shown = dict(measured(along(11, 0.5), np.full((11, 1, 2), math.nan)).shown())
     assert shown["people"] == "1"
-    assert shown["least distance of a person"] == "-"
+    assert shown["minimum distance to a person"] == "-"
     found = measured(along(11, 0.5), np.full((11, 1, 2), 3.0))
     assert dict(replace(found, disturbance_s=1.25).shown())["mean delay of people"] == "1.2 s"
