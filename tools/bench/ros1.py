@@ -29,7 +29,7 @@ from tests.ros1.rig import Rig  # noqa: E402
 
 PARAMS: Final = (
     *("--params", "turtlebot", "--set", "controller_frequency=20.0"),
-    *("--set", "local_costmap/update_frequency=10.0", "--set", "oscillation_timeout=0.0"),
+    *("--set", "local_costmap/update_frequency=10.0"),
     # at 20 Hz the packaged minimum speeds are out of reach within one period
     *("--set", "DWAPlannerROS/min_trans_vel=0.0", "--set", "DWAPlannerROS/min_rot_vel=0.0"),
 )

@@ -49,7 +49,7 @@ PARAMS_FILE: Final = "nav2_params.yaml"
 TREE_FILE: Final = "navigate_to_pose.xml"
 NAVSTACK_FILE: Final = "navstack.yaml"
 REPORT_FILE: Final = "conversion.md"
-PLAN_AHEAD_M: Final = 2.0
+PLAN_AHEAD_M: Final = (1.0, 2.0)
 """forward_prune_distance of DWB."""
 FOREVER_S: Final = 1e6
 """A time that no goal lasts, for limits that move_base switches off."""
@@ -463,8 +463,7 @@ class _Converter:
             note=f"{why.rpartition('/')[2]}",
         )
         self.rows(node, scope, section, prefix, _DECELERATION)
-        side = 0.5 * max(self.c.local_costmap.params.width, self.c.local_costmap.params.height)
-        self._plan_window(section, side)
+        self._plan_window(section)
         self.put(
             node, scope, "critics", list(critics), prefix=prefix, kind="added", note="the terms of move_base's score"
         )
@@ -495,7 +494,7 @@ class _Converter:
         limited = self.value(f"{section}/{generator}") and frequency > 0.0
         seconds = 1.0 / frequency if limited else self.value(f"{section}/sim_time")
         least = max(0.0, self.value(written))
-        reached = self.value(f"{section}/acc_lim_theta") * seconds
+        reached = round(self.value(f"{section}/acc_lim_theta") * seconds, 9)
         if reached < least:
             within = "/ controller_frequency" if limited else "· sim_time"
             reason = f"acc_lim_theta {within}: {least:g} is out of DWB's reach from rest; move_base has its own turns"
@@ -507,14 +506,19 @@ class _Converter:
         self.put(node, scope, "min_speed_theta", least, [written], prefix="FollowPath.", kind=kind, note=note)
         return least
 
-    def _plan_window(self, section: str, side: float) -> None:
-        """The part of the plan that is followed: move_base's reaches to the edge of the local costmap, `side` (m) away.
+    def _plan_window(self, section: str) -> None:
+        """The part of the plan that is followed: as far as a trajectory reaches, 1 to 2 m, within the local costmap.
 
-        DWB's distances go through obstacles, so a goal that is farther away pulls the robot across corners: its 2 m stay.
+        move_base's reaches to the edge of the local costmap, around obstacles; DWB's distances go through them, so an end of
+        the plan that is farther away pulls the robot across corners, or holds it where the plan turns back.
         """
         node, scope, prefix = "controller_server", "dwb_core::DWBLocalPlanner", "FollowPath."
-        note = "as far as the local costmap, at most 2 m: DWB's distances cross obstacles"
-        ahead = min(PLAN_AHEAD_M, side)
+        note = (
+            "speed · sim_time, 1 to 2 m: DWB's distances cross obstacles; move_base follows to the edge of the costmap"
+        )
+        side = 0.5 * max(self.c.local_costmap.params.width, self.c.local_costmap.params.height)
+        reach = self.value(f"{section}/max_vel_x") * self.value(f"{section}/sim_time")
+        ahead = round(min(max(PLAN_AHEAD_M[0], reach), PLAN_AHEAD_M[1], side), 9)
         if self.distro < LYRICAL:
             if self.value(f"{section}/prune_plan"):
                 self.put(node, scope, "prune_distance", 1.0, prefix=prefix, kind="added", note="constant of move_base")
