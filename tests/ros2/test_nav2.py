@@ -15,6 +15,7 @@ from tests.ros2.conftest import Graph
 
 NAV2 = """
 from geometry_msgs.msg import Pose
+from rcl_interfaces.msg import Log
 from nav_msgs.msg import OccupancyGrid
 from nav2_msgs.action import ComputePathToPose, NavigateToPose
 from nav2_msgs.msg import CostmapFilterInfo
@@ -43,7 +44,10 @@ states = []
 node.create_subscription(Bool, "binary_state", lambda m: states.append(m.data), qos(latched=True))
 go = Action(NavigateToPose, "navigate_to_pose")
 found["go"] = go.run(NavigateToPose.Goal(pose=stamped(3.0, 7.45)))
+said = []
+node.create_subscription(Log, "/rosout", lambda m: said.append(m.msg), qos(1000, latched=True))
 wrong = mask("light", 1, 100)
+spin(lambda: any("/light_info is of type 1" in text for text in said), "the refusal")  # the newest message counts
 binary = mask("light", 3, 100)
 found["through"] = go.run(NavigateToPose.Goal(pose=stamped(6.0, 7.45)))
 spin(lambda: states and states[-1], "the state in the mask of the binary filter")
