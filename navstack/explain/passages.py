@@ -486,7 +486,7 @@ def narrow_advice(record: Record) -> tuple[str, ...]:
         scenario = Scenario.from_record(record) if failed else None
     except NavError:
         return ()
-    if scenario is None or scenario.map is None:
+    if scenario is None:
         return ()
     report = find_passages(scenario.configuration, scenario.map, turning_radius=0.0)
     radius = report.circumscribed_radius

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from navstack.core import InputError, Pose2D
 from navstack.map_io import load_map, map_names, map_path
@@ -214,7 +214,7 @@ class _Grid:
             poses = np.column_stack((self.points, np.zeros(len(self.points))))
             clear = world.clearances(poses, None, solids._replace(discs=nothing, tops=solids.polygon_tops))
         for size in np.unique(solids.discs[:, 2]).tolist():
-            tree = cKDTree(solids.discs[solids.discs[:, 2] == size, :2])
+            tree = KDTree(solids.discs[solids.discs[:, 2] == size, :2])
             clear = np.minimum(clear, tree.query(self.points)[0] - size)
         self.clear, self.radius = clear, radius
         self.free = np.flatnonzero(clear >= radius)

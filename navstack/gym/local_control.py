@@ -153,7 +153,10 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
     the time limit of the level.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+    }
 
     def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:
         """Make the environment.
@@ -192,7 +195,8 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         self._row, self._info, self._terms = outputs.observations[0], outputs.infos[0], outputs.terms[0]
         self._rewards, self._terminated, self._truncated = outputs.rewards, outputs.terminated, outputs.truncated
         self._needs_reset = True
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / float(core.simulation.task["period"][0]))}
+        frames = round(1.0 / float(core.simulation.task["period"][0]))
+        self.metadata = {**self.metadata, "render_fps": frames}  # pyright: ignore[reportAttributeAccessIssue, reportIncompatibleVariableOverride]
 
     @property
     def levels(self) -> list[str]:

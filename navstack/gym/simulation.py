@@ -367,7 +367,7 @@ def plan_into(i, batch, level, task, x, y, yaw, out):
     episode = batch.episodes[i]
     path = batch.paths[level.path_at : level.path_at + level.path_size]
     # the nearest point, from the last one on: the robot may come near a later part of the path
-    best = math.inf
+    best, nearest = math.inf, episode.path_index
     passed = 0.0
     for k in range(episode.path_index, path.shape[0]):
         if k > episode.path_index:

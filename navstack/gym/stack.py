@@ -30,7 +30,10 @@ MAX_CYCLES: int = 100_000
 class StackEnv(gymnasium.Env[Any, Any]):
     """A scenario driven by the whole stack, in steps."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+    }
 
     def __init__(
         self,
@@ -60,7 +63,7 @@ class StackEnv(gymnasium.Env[Any, Any]):
                 raise InputError(f"{name} is {value:g}; it must be above 0", argument=name, value=value)
         self.render_mode = render_mode
         single = isinstance(robot, (str, Mapping)) or not isinstance(robot, Sequence)
-        self._sources: list[Source] = [robot] if single else list(robot)  # pyright: ignore[reportAttributeAccessIssue]
+        self._sources: list[Source] = [robot] if single else list(robot)  # pyright: ignore[reportArgumentType, reportAttributeAccessIssue]
         self._overrides = list(overrides)
         configuration = load_configuration(self._sources, overrides=self._overrides)
         self._levels = read_levels(
@@ -82,8 +85,8 @@ class StackEnv(gymnasium.Env[Any, Any]):
         if not sim.lasers:
             raise InputError("the robot has no lidar; list one in navstack/sim/lasers", lasers=[])
         lidar = sim.lidar(sim.lasers[0])
-        self._lidar_params = LidarParams(
-            **{**lidar.model_dump(), "message": "LaserScan", "beams": beams or lidar.beams}
+        self._lidar_params = LidarParams.model_validate(
+            {**lidar.model_dump(), "message": "LaserScan", "beams": beams or lidar.beams}
         )
         self._shown: dict[str, spaces.Space[Any]] = {
             "scan": spaces.Box(0.0, 1.0, (self._lidar_params.beams,), np.float32),
@@ -209,7 +212,7 @@ class StackEnv(gymnasium.Env[Any, Any]):
         return self._picture.draw(
             self._level,
             robot.footprint,
-            tuple(robot.pose),
+            (robot.pose.x, robot.pose.y, robot.pose.yaw),
             self._episode,
             np.column_stack((np.cos(angles), np.sin(angles))),
             np.array([p.x, p.y, p.yaw]),

@@ -286,14 +286,15 @@ def robot_models(
 
 
 def _check_variation(key: str, bounds: Variation, lidar: str) -> None:
-    known = [FOOTPRINT_SCALE, *(n for n, f in SimParams.model_fields.items() if f.annotation in (float, float | None))]
+    numeric: tuple[Any, ...] = (float, float | None)
+    known = [FOOTPRINT_SCALE, *(n for n, f in SimParams.model_fields.items() if f.annotation in numeric)]
     known += [f"{lidar}/{n}" for n, f in LidarParams.model_fields.items() if f.annotation is float]
     known = [name for name in known if name.rpartition("/")[2] not in FIXED]
     if key not in known:
         close = nearest(key, known)
         hint = f'did you mean "{close}"?' if close else f"known: {', '.join(known)}"
         raise InputError(f'randomize: "{key}" is no parameter of navstack/sim that can vary; {hint}', parameter=key)
-    numbers = list(bounds) if isinstance(bounds, (tuple, list)) else []
+    numbers: list[Any] = list(bounds) if isinstance(bounds, (tuple, list)) else []
     if len(numbers) < 2 or not all(isinstance(v, (int, float)) and math.isfinite(v) for v in numbers):
         raise InputError(f"randomize: {key} is {bounds!r}; give (lowest, highest), or a list of values", parameter=key)
 

@@ -5,6 +5,8 @@ the plan and the last action. The ranges are those of rays in the local costmap,
 marked, in logs and on robots as in simulation. It commands; this controller limits the speed, looks along the arc of the command,
 slows down or turns where that collides, and turns to the goal's heading at its position.
 """
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+# numba infers the types of the kernel's arguments
 
 from __future__ import annotations
 
@@ -224,7 +226,7 @@ class PolicyController(PathFollower):
     """A learned policy from an ONNX file."""
 
     Params = PolicyParams
-    params: PolicyParams
+    params: PolicyParams  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(self, params: PolicyParams) -> None:
         """Read the model. Raises InputError."""

@@ -142,8 +142,8 @@ def record_tick(
     )
 
 
-WARM_UP_S = 1.0
-"""Simulated seconds of a warm-up run: enough for every stage of driving and of arriving to run once."""
+WARM_UP_S = 2.5
+"""Simulated seconds of a warm-up run: every stage of driving and of arriving runs once, also plans that revise earlier ones."""
 
 MAX_IDLE_CYCLES = 1000
 """Maximum number of consecutive cycles without simulated time passing; a few occur when goals end and begin."""
@@ -498,7 +498,7 @@ class Run:
 
 
 def warm_up(scenario: Scenario) -> None:
-    """Compiles and loads the kernels by driving the first second of the scenario, and an arrival, and discarding both.
+    """Compiles and loads the kernels by driving the beginning of the scenario, and an arrival, and discarding both.
 
     Raises the errors of `run_scenario`.
     """

@@ -56,12 +56,15 @@ def test_a_dock_of_the_parameters_by_its_name(capsys: pytest.CaptureFixture[str]
     text = "docking_server:\n  docks: [a, b]\n  a: {pose: [9.0, 7.4, 0.0]}\n  b: {pose: [2.0, 7.45, 3.14159]}\n"
     (folder / "docks.yaml").write_text(text)
     arguments = ["dock", "--params", "turtlebot", "--params", "docks.yaml", *NEAR, "--json"]
-    assert run([*arguments, "--dock", "b"]) == 1  # the default docking_threshold, 5 cm, is more than the contacts allow
+    # the default docking_threshold, 5 cm, is more than the contacts allow: the robot drives on until the current flows
+    for more in ([], ["--set", "docking_server/simple_charging_dock/docking_threshold=0.005"]):
+        assert run([*arguments, "--dock", "b", *more]) == 0
+        document = json.loads(capsys.readouterr().out)
+        assert abs(document["error"]["x_m"]) < 0.01
+    never = ["--set", "docking_server/simple_charging_dock/charging_threshold=1e6"]
+    assert run([*arguments, "--dock", "b", *never]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["goals"][0]["error_name"] == "FAILED_TO_CHARGE"
-    assert run([*arguments, "--dock", "b", "--set", "docking_server/simple_charging_dock/docking_threshold=0.005"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert abs(document["error"]["x_m"]) < 0.01
     assert run([*arguments, "--dock", "c"]) == 2
     assert json.loads(capsys.readouterr().out)["error"]["code"] == 901
 

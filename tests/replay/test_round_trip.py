@@ -19,7 +19,7 @@ from navstack.replay.player import logged_map
 from navstack.replay.topics import find_topics
 from navstack.scenario import Run, Scenario, read_scenario, shipped_scenarios
 
-NOT_IN_A_LOG = {"clearances", "solid_corners", "solid_discs", "solid_first"}
+NOT_IN_A_LOG = {"clearances", "solid_corners", "solid_discs", "solid_first", "people", "persons"}
 """What only a simulator knows."""
 
 

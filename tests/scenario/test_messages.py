@@ -184,7 +184,7 @@ CASES = {
     ),
     "motion of no kind": (
         GOOD + "shapes:\n  - {radius: 0.2, motion: {speed: 1}}\n",
-        "5:27: the motion of shape 1 has no kind; add `kind:`, one of still, track, door, pedestrian",
+        "5:27: the motion of shape 1 has no kind; add `kind:`, one of still, track, door, pedestrian, replay",
     ),
     "motion of a wrong kind": (
         GOOD + "shapes:\n  - {radius: 0.2, motion: {kind: trak}}\n",
