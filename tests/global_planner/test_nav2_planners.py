@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -71,8 +71,9 @@ def test_navfn_finds_what_the_one_of_ros_finds(seed: int, unknown: bool) -> None
 @pytest.mark.slow
 @settings(max_examples=60)
 @given(SEEDS)
+@example(134669345)  # 535 by Dijkstra, 450 by A*
 def test_astar_of_navfn_reaches_what_dijkstra_reaches(seed: int) -> None:
-    """Both stop at the first arrival, which is not the cheapest: on such maps Dijkstra's is up to 10 % above A*'s, not more."""
+    """Both stop at the first arrival, which need not be the cheapest, so neither's cost bounds that of the other."""
     rng = np.random.default_rng(seed)
     costmap = random_map(rng)
     costmap.data[costmap.data >= 253] = rng.choice(np.array([0, 254], np.uint8))
@@ -87,7 +88,7 @@ def test_astar_of_navfn_reaches_what_dijkstra_reaches(seed: int) -> None:
             costs.append(planner.make_plan(costmap, corner(costmap, sx, sy), corner(costmap, gx, gy)).cost)
         except NoValidPathError:
             costs.append(math.inf)
-    assert (costs[0] < math.inf) == (costs[1] < math.inf) and (costs[0] == math.inf or costs[1] >= 0.9 * costs[0])
+    assert (costs[0] < math.inf) == (costs[1] < math.inf)
 
 
 @settings(max_examples=60)
