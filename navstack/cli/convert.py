@@ -131,13 +131,17 @@ def _verify(
     rows: list[dict[str, Any]] = list(report.document["measures"].rows)
     runs: list[dict[str, Any]] = list(report.document["runs"])
     failed = sum(run["A"]["success"] and not run["B"]["success"] for run in runs)
+    gained = sum(run["B"]["success"] and not run["A"]["success"] for run in runs)
     # a rank test shows nothing with fewer than six scenarios; here a difference missed is worse than one too many
     changed = [_change_of(row) for row in rows if row["difference"].excludes_zero]
     if failed:
-        print_note(f"the converted robot fails in {failed} of {len(runs)} drives in which the original succeeds")
+        also = f", and succeeds in {gained} in which it fails" if gained else ""
+        print_note(f"the converted robot fails in {failed} of {len(runs)} drives in which the original succeeds{also}")
+    elif gained:
+        print_note(f"the converted robot succeeds in {gained} of {len(runs)} drives in which the original fails")
     if changed:
         print_note(f"the conversion changes the drive beyond the noise: {'; '.join(changed)}")
-    elif not failed:
+    elif not failed and not gained:
         few = len({run["scenario"] for run in runs}) < _FEW
         hint = f"; with fewer than {_FEW} scenarios only large differences show, so give --count" if few else ""
         print_note(f"no measure of the drive differs beyond the noise{hint}")
