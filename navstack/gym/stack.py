@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Literal
@@ -27,7 +28,7 @@ MAX_CYCLES: int = 100_000
 """Cycles of the stack per step, at most: a run that does not go on is an error."""
 
 
-class StackEnv(gymnasium.Env[Any, Any]):
+class StackEnv(gymnasium.Env[Any, Any], ABC):
     """A scenario driven by the whole stack, in steps."""
 
     metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -38,19 +39,19 @@ class StackEnv(gymnasium.Env[Any, Any]):
     def __init__(
         self,
         *,
-        levels: Levels | Sequence[Levels],
-        split: str,
-        count: int | None,
-        level_seed: int,
-        robot: Source | Sequence[Source],
-        overrides: Sequence[str],
-        collision: Literal["end", "stop"],
-        reward: str | Mapping[str, float],
-        scan_clip: float,
-        goal_range: float,
-        beams: int | None,
-        max_episode_steps: int | None,
-        render_mode: str | None,
+        levels: Levels | Sequence[Levels] = "office",
+        split: str = "train",
+        count: int | None = None,
+        level_seed: int = 0,
+        robot: Source | Sequence[Source] = "turtlebot",
+        overrides: Sequence[str] = (),
+        collision: Literal["end", "stop"] = "end",
+        reward: str | Mapping[str, float] = "ros_jackal",
+        scan_clip: float = 5.0,
+        goal_range: float = 10.0,
+        beams: int | None = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise InputError(f'render_mode is "{render_mode}"; it must be None or "rgb_array"', render_mode=render_mode)
@@ -105,17 +106,17 @@ class StackEnv(gymnasium.Env[Any, Any]):
     def _begin(self, run: Run) -> None:
         """Prepare a new run."""
 
+    @abstractmethod
     def _apply(self, action: NDArray[np.float64]) -> None:
         """Do what an action says."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _advance(self, run: Run) -> bool:
         """Drive for a step; return False if the run is over."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _own_observation(self) -> dict[str, NDArray[np.float32]]:
         """Return what this environment shows beside scan, goal and velocity."""
-        raise NotImplementedError
 
     # --- Gymnasium ----------------------------------------------------------------------------------------------------
 
@@ -345,44 +346,21 @@ class PlannerParamsEnv(StackEnv):
     def __init__(
         self,
         *,
-        levels: Levels | Sequence[Levels] = "office",
-        split: str = "train",
-        count: int | None = None,
-        level_seed: int = 0,
-        robot: Source | Sequence[Source] = "turtlebot",
-        overrides: Sequence[str] = (),
         parameters: Sequence[str] = (),
         period: float = 1.0,
         collision: Literal["end", "stop"] = "stop",
         reward: str | Mapping[str, float] = "appl",
-        scan_clip: float = 5.0,
-        goal_range: float = 10.0,
-        beams: int | None = None,
         max_episode_steps: int | None = 100,
-        render_mode: str | None = None,
+        **options: Any,
     ) -> None:
-        """Make the environment; most arguments as of `LocalControlEnv`.
+        """Make the environment; `options` are those of `StackEnv`, as of `LocalControlEnv`.
 
         `parameters`: `NAME=LOW:HIGH` or `NAME`, as the option `--param` of `navstack tune`; default: its ranges of the local
         planner. An action in [-1, 1] is a share of the range. `period` (s): of a step.
 
         Raises NavError for invalid arguments, parameters that do not exist and ranges that they cannot have.
         """
-        super().__init__(
-            levels=levels,
-            split=split,
-            count=count,
-            level_seed=level_seed,
-            robot=robot,
-            overrides=overrides,
-            collision=collision,
-            reward=reward,
-            scan_clip=scan_clip,
-            goal_range=goal_range,
-            beams=beams,
-            max_episode_steps=max_episode_steps,
-            render_mode=render_mode,
-        )
+        super().__init__(collision=collision, reward=reward, max_episode_steps=max_episode_steps, **options)
         if not (math.isfinite(period) and period > 0.0):
             raise InputError(f"period is {period:g}; it must be above 0", period=period)
         self._period = period
@@ -492,43 +470,12 @@ class ResidualEnv(StackEnv):
     One step is one control period. The observation `base_command` is the controller's last command, without the correction.
     """
 
-    def __init__(
-        self,
-        *,
-        levels: Levels | Sequence[Levels] = "office",
-        split: str = "train",
-        count: int | None = None,
-        level_seed: int = 0,
-        robot: Source | Sequence[Source] = "turtlebot",
-        overrides: Sequence[str] = (),
-        share: float = 0.3,
-        collision: Literal["end", "stop"] = "end",
-        reward: str | Mapping[str, float] = "ros_jackal",
-        scan_clip: float = 5.0,
-        goal_range: float = 10.0,
-        beams: int | None = None,
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        """Make the environment; most arguments as of `LocalControlEnv`.
+    def __init__(self, *, share: float = 0.3, **options: Any) -> None:
+        """Make the environment; `options` are those of `StackEnv`, as of `LocalControlEnv`.
 
         `share`: the action 1 adds this share of the highest speed. Raises NavError for invalid arguments.
         """
-        super().__init__(
-            levels=levels,
-            split=split,
-            count=count,
-            level_seed=level_seed,
-            robot=robot,
-            overrides=overrides,
-            collision=collision,
-            reward=reward,
-            scan_clip=scan_clip,
-            goal_range=goal_range,
-            beams=beams,
-            max_episode_steps=max_episode_steps,
-            render_mode=render_mode,
-        )
+        super().__init__(**options)
         if not (math.isfinite(share) and 0.0 < share <= 1.0):
             raise InputError(f"share is {share:g}; it must be above 0 and at most 1", share=share)
         self._share = share
