@@ -17,7 +17,16 @@ from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_
 from navstack.cli.explain.tracking import draw, print_tracking
 from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.last_run import save_record
-from navstack.cli.output import loading_kernels, print_json, print_note, print_warnings, reason_of, stdout, titled_table
+from navstack.cli.output import (
+    counted,
+    loading_kernels,
+    print_json,
+    print_note,
+    print_warnings,
+    reason_of,
+    stdout,
+    titled_table,
+)
 from navstack.core import InputError, Pose2D, RecordError, ensure_directory, locked_folder, write_json, write_text
 from navstack.explain import explain_tracking
 from navstack.map_io import map_names
@@ -387,7 +396,7 @@ def print_steps(result: RunResult) -> None:
         reason = goal.text if goal.succeeded else reason_of(goal)
         out.print(escape(reason))
     if result.collisions:
-        out.print(f"[bold red]{result.collisions} collisions[/]")
+        out.print(f"[bold red]{counted(result.collisions, 'collision')}[/]")
 
 
 def _remaining(goal: GoalOutcome) -> str:

@@ -156,6 +156,11 @@ def print_advice(advice: Sequence[str]) -> None:
         stdout().print(f"[yellow]possible cause:[/] {escape(text)}")
 
 
+def counted(count: int, noun: str) -> str:
+    """Return `1 collision` or `2 collisions`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def print_json(document: Mapping[str, Any]) -> None:
     """Prints one JSON document to stdout; NaN and infinity become null."""
     from navstack.core import jsonable

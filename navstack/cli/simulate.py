@@ -14,6 +14,7 @@ from navstack.cli import options
 from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.last_run import save_record
 from navstack.cli.output import (
+    counted,
     loading_kernels,
     print_advice,
     print_files,
@@ -128,7 +129,7 @@ def _print(result: RunResult, files: dict[str, str]) -> None:
         out.print("; ".join(f"{name} {value}" for name, value in m.social.shown()))
     out.print(
         f"{result.simulated_s:.1f} s simulated in {result.wall_s:.2f} s: {result.real_time_factor:.0f} times real time; "
-        f"{'1 collision' if result.collisions == 1 else f'{result.collisions} collisions'}; seed {result.seed}"
+        f"{counted(result.collisions, 'collision')}; seed {result.seed}"
     )
     print_files(files)
 

@@ -19,7 +19,7 @@ from navstack.cli import options
 from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.last_run import save_record
 from navstack.cli.motions import MotionOptions, World
-from navstack.cli.output import loading_kernels, print_files, stdout
+from navstack.cli.output import counted, loading_kernels, print_files, stdout
 from navstack.cli.terminal import map_lines, single_keys
 from navstack.core import LETHAL, NavError, ensure_directory, locked_folder
 from navstack.plot import plot_run
@@ -160,10 +160,8 @@ def _save(session: Session, folder: Path) -> None:
     files = save_record(recorder, folder)
     plot_run(recorder.record(), folder / "run.png")
     files["picture"] = str(folder / "run.png")
-    collisions = len(run.robot.collisions)
-    stdout().print(
-        f"{run.robot.time:.1f} s simulated, {run.robot.distance_travelled:.2f} m driven, {collisions} collisions"
-    )
+    collisions = counted(len(run.robot.collisions), "collision")
+    stdout().print(f"{run.robot.time:.1f} s simulated, {run.robot.distance_travelled:.2f} m driven, {collisions}")
     print_files(files)
 
 
@@ -177,7 +175,7 @@ def _display(session: Session, *, map_: bool, zoom: float) -> Any:
 # What `navstack teleop` shows: the map and the state, or a line per key.
 
 
-HEIGHT_OF_TEXT = 11
+HEIGHT_OF_TEXT = 12
 """Lines below the map."""
 MOST_TRAIL = 4000
 
@@ -249,9 +247,8 @@ class MapDisplay:
         )
         text = Text("\n".join(lines), no_wrap=True, overflow="crop")
         collisions = len(robot.collisions)
-        text.append(
-            "\n" + status_of(session) + f"; {collisions} collisions", style="bold red" if collisions else "bold"
-        )
+        text.append("\n" + counted(collisions, "collision"), style="bold red" if collisions else "bold")
+        text.append("\n" + status_of(session), style="bold")
         text.append("\n" + HELP, style="dim")
         return text
 

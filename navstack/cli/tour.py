@@ -15,6 +15,7 @@ from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.last_run import save_record
 from navstack.cli.output import (
     Verbosity,
+    counted,
     loading_kernels,
     print_advice,
     print_files,
@@ -307,7 +308,7 @@ def _totals(result: TourResult) -> str:
     left = len(result.names) - len(result.run.goals)
     return (
         f"{success} ({result.state.succeeded} of {result.state.done}), {result.state.running_s:.1f} s, "
-        f"{result.state.distance_m:.2f} m driven, {result.run.collisions} collisions"
-        + (f"; {left} goal{'s' * (left != 1)} skipped" if left else "")
+        f"{result.state.distance_m:.2f} m driven, {counted(result.run.collisions, 'collision')}"
+        + (f"; {counted(left, 'goal')} skipped" if left else "")
         + ("; interrupted" if result.interrupted else "")
     )
