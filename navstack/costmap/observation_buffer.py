@@ -385,15 +385,16 @@ class ObservationBuffer:
                 return None  # a list of obstacles, and there is none
         if valid >= max(params.min_valid_share * total, 1.0):
             return None
-        what, rule = "points", "finite, and not the sensor itself"
+        what, rule, near_cause = "points", "finite, and not the sensor itself", ""
         if isinstance(data, LaserScan):
             what, rule = "beams", f"from range_min = {data.range_min:g} m on, +inf included"
+            near_cause = "an obstacle is nearer than that, " if data.range_min > 0.0 else ""
             if not data.range_max > max(data.range_min, 0.0):
                 rule = f"range_max = {data.range_max:g} m is not above range_min = {data.range_min:g} m"
         text = (
             f'{valid} of {total} {what} of "{self.topic}" are valid ({rule}), less than min_valid_share = '
-            f"{params.min_valid_share:g}: something covers the sensor, or it is faulty. Obstacles that only this sensor sees "
-            "are unknown; check the sensor"
+            f"{params.min_valid_share:g}: {near_cause}something covers the sensor, or it is faulty. Obstacles that only this "
+            "sensor sees are unknown; check the sensor"
         )
         if params.expected_update_rate == 0.0:
             text += ", or set expected_update_rate (s), so that the robot stops when it is blind"
