@@ -131,10 +131,23 @@ DEFAULT_KERNELS = ("astar", "dwa", "global_planner", "navfn", "trajectory_rollou
 """The kernels that the other tests use."""
 
 
+SAMPLED = 8
+"""Cases of a `sampled` test that CI runs, evenly spaced; the others are marked `exhaustive`."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark tests by their folders, and skip those that need real programs unless they are wanted, as in CI."""
     tests = Path(__file__).parent
+    families: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("sampled"):
+            families.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for cases in families.values():
+        kept = {round(i * (len(cases) - 1) / (SAMPLED - 1)) for i in range(SAMPLED)}
+        for number, item in enumerate(cases):
+            if number not in kept:
+                item.add_marker(pytest.mark.exhaustive)
     for item in items:
         if not item.path.is_relative_to(tests):
             continue

@@ -21,6 +21,7 @@ def test_first_seed_ticks_as_in_cpp(name: str) -> None:
     check(name, 0)
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("name", names(""))
 def test_all_seeds_tick_as_in_cpp(name: str) -> None:

@@ -56,6 +56,7 @@ def assert_within_limits(stage: Stage, rate: float) -> None:
 # --- distances --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("base", [{}, MOVING], ids=["ideal", "accelerating"])
@@ -108,6 +109,7 @@ def test_a_robot_that_is_pushed_over_the_target_drives_back() -> None:
 # --- turns ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("base", [{}, MOVING], ids=["ideal", "accelerating"])

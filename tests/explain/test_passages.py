@@ -49,6 +49,7 @@ def test_a_door_along_the_grid_has_its_width(turtlebot: Configuration, width: fl
         assert math.hypot(door.x - at[0], door.y - at[1]) <= 2.0 * RESOLUTION
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("degrees", [3, 10, 26.565, 37, 45, 58, 71, 88, 115, 140, 163])
 @pytest.mark.parametrize("width", [0.3, 0.5, 0.75, 0.9, 1.2])
@@ -62,6 +63,7 @@ def test_a_door_in_a_turned_wall_is_true_to_a_cell(turtlebot: Configuration, wid
     assert abs(off) < math.atan2(0.25, width)  # from jamb to jamb
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0, 17, 45, 74, 90])
 @pytest.mark.parametrize("width", WIDTHS)

@@ -107,6 +107,7 @@ def test_the_exact_distance_field_is_nowhere_farther(file: Path, name: str) -> N
 SCANS = [g for pattern in ("amcl_willow.npz", "amcl_fetch.npz") for g in groups(pattern, 3) if g[1]]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("file", "name"),
     [g for g in SCANS if f"{g[1]}/weights" in read(g[0])] or [(Path(), "")],
@@ -205,6 +206,7 @@ def motions() -> list[tuple[str, int]]:
     return [(model, row) for model in ("diff", "omni", "diff_corrected", "omni_corrected") for row in range(5)]
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize(("model", "row"), motions())
 def test_motion_model(model: str, row: int) -> None:

@@ -268,11 +268,13 @@ def compare_grids(name: str, row: int, planner: Any, scene: DWBScene) -> None:
 QUICK = ("bringup/", "rect_footprint", "omni/", "limited_accel/", "grid_", "speed_", "limits_min", "by_time")
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", [n for n in JOBS if n.startswith(QUICK)])
 def test_two_cycles_are_those_of_nav2(name: str) -> None:
     run(name, 2)
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("name", JOBS)
 def test_cycles_are_those_of_nav2(name: str) -> None:

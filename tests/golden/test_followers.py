@@ -100,6 +100,7 @@ def commands(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return log, out
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", [n for n in all_jobs() if not n.startswith("graceful")])
 def test_commands_are_those_of_nav2(name: str) -> None:
     log, out = commands(name)
@@ -109,6 +110,7 @@ def test_commands_are_those_of_nav2(name: str) -> None:
     np.testing.assert_allclose(out[known, 3:], log[known, 10:12], rtol=0.0, atol=COMMAND)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", [n for n in all_jobs() if n.startswith("graceful")])
 def test_commands_of_the_graceful_controller_are_those_of_nav2(name: str) -> None:
     log, out = commands(name)

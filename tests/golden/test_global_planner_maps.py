@@ -31,6 +31,7 @@ def configuration() -> Configuration:
     return load_configuration(["turtlebot"])
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "file",

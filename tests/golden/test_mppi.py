@@ -173,6 +173,7 @@ def step(request: pytest.FixtureRequest) -> Step:
     return Step(request.param)
 
 
+@pytest.mark.sampled
 def test_velocities_and_points(step: Step) -> None:
     """The start, the pinned sequence, what each trajectory reaches, and where it leads."""
     optimizer, gold = step.optimizer, step.gold
@@ -193,6 +194,7 @@ def test_velocities_and_points(step: Step) -> None:
         close(batch.points[2, :, :rows].T, gold["yaw"], POINT_M)
 
 
+@pytest.mark.sampled
 def test_every_critic_alone_and_all_in_order(step: Step) -> None:
     optimizer, gold, number = step.optimizer, step.gold, step.number
     step.rolled_out()
@@ -222,6 +224,7 @@ def test_every_critic_alone_and_all_in_order(step: Step) -> None:
     assert batch.all_collided == bool(gold["facts"][2])
 
 
+@pytest.mark.sampled
 def test_the_update_stage_by_stage(step: Step) -> None:
     """Each stage from what C++ had before it."""
     optimizer, gold, number = step.optimizer, step.gold, step.number
@@ -255,6 +258,7 @@ def test_the_update_stage_by_stage(step: Step) -> None:
     close(optimizer.controls, gold["cs_shifted"], VELOCITY)
 
 
+@pytest.mark.sampled
 def test_a_whole_cycle(step: Step) -> None:
     """From the samples to the command, without C++'s intermediate results."""
     optimizer, gold = step.optimizer, step.gold

@@ -54,6 +54,7 @@ def with_defects(layer: Plugin[Layer]) -> Plugin[Layer]:
     return replace(layer, params=layer.params.model_copy(update={"nav2_compatible": True}))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", sorted(JOBS))
 def test_layers_of_a_file(name: str, tmp_path: Path) -> None:
     node = {"global_costmap": {"global_costmap": {"ros__parameters": blocks_of(JOBS[name])}}}
@@ -62,6 +63,7 @@ def test_layers_of_a_file(name: str, tmp_path: Path) -> None:
     assert_equal_steps(name, [with_defects(layer) for layer in loaded.layers])
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", sorted(PLANS))
 def test_planners_of_a_file(name: str, tmp_path: Path) -> None:
     """The planner and the parameters whose plans are compared with Nav2's."""

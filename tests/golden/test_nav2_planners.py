@@ -79,6 +79,7 @@ def plan(job: dict[str, Any], costmap: Costmap, query: np.ndarray, *, keep: bool
         return STATUS[type(error)], None
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", NAVFN)
 def test_navfn(name: str) -> None:
     """Status, potential and path; 3 of 486 paths of two builds have another number of poses, so one per job may."""
@@ -128,6 +129,7 @@ def cost_of(corners: np.ndarray, costmap: Costmap, params: Nav2ThetaStarParams) 
     return float(total)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", THETA)
 def test_theta_star(name: str) -> None:
     """Status, ends and headings; length and cost within the difference of two builds."""

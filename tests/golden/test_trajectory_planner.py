@@ -210,6 +210,7 @@ def test_one_cycle(file: FilePath, config: str, scene: str) -> None:
     assert flags_of(case.planner) == cpp_flags(expected["flags"])
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize(("file", "config", "loop"), LOOPS, ids=[f"{f.stem}-{c}-{k}" for f, c, k in LOOPS])
 def test_closed_loop(file: FilePath, config: str, loop: str) -> None:

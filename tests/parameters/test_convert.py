@@ -196,6 +196,7 @@ def test_nav2_accepts_the_file_of_every_distribution(distro: str, tmp_path: Path
     assert [str(f) for f in found if f.severity != "info" and f.rule != OWN_TREE] == []
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("distro", ["humble", "jazzy", "lyrical"])
 @pytest.mark.parametrize("name", PACKAGED)
@@ -215,6 +216,7 @@ def test_dwa_comes_back_unchanged(sources: list[Any], tmp_path: Path) -> None:
     assert_same_dwa(before, after)
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.skipif(not ROBOTS, reason="no foreign data here: set NAVSTACK_DATA to their folder")
 @pytest.mark.parametrize("sources", ROBOTS, ids=[name_of(r) for r in ROBOTS])

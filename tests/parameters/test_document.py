@@ -30,6 +30,7 @@ def shown(loaded: Configuration, tmp_path: Path, **options: Any) -> Configuratio
     return load_configuration([str(file)])
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("sources", ROBOTS, ids=IDS)
 def test_the_yaml_loads_to_the_same_configuration(sources: list[str], tmp_path: Path) -> None:

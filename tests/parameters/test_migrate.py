@@ -23,6 +23,7 @@ def written(migration: Migration, folder: Path) -> Configuration:
     return load_configuration([str(folder)])
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.parametrize("sources", ROBOTS, ids=IDS)
 def test_the_same_configuration(sources: list[str], tmp_path: Path) -> None:

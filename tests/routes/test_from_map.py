@@ -74,6 +74,7 @@ def require_good(graph: RouteGraph, grid: OccupancyGrid, radius: float) -> None:
             assert size <= 1, "a region without a node is a place where the robot can only turn"
 
 
+@pytest.mark.sampled
 @pytest.mark.slow
 @pytest.mark.skipif(not MAPS, reason="the maps are absent (../shared/data/maps)")
 @pytest.mark.parametrize("file", MAPS, ids=[file.parent.name for file in MAPS])
