@@ -75,7 +75,8 @@ def _take_over(root: Space, given: Space | None, at: Location) -> None:
     period = 1.0 / frequency if frequency > 0.0 else 0.05
     made.put("model_dt", at, _scalar(period, at))
     made.put("time_steps", at, _scalar(max(8, round(_HORIZON_S / period)), at))
-    made.ensure("CostCritic", at).put("consider_footprint", at, _scalar(True, at))
+    for checked in ("CostCritic", "TrajectoryValidator"):
+        made.ensure(checked, at).put("consider_footprint", at, _scalar(True, at))
     backward = given is not None and (_number(given, "min_turning_radius") or 0.0) > 0.0
     critics = _CRITICS if backward else (*_CRITICS, "PreferForwardCritic")
     made.put("critics", at, ListNode([_scalar(critic, at) for critic in critics], at))

@@ -804,6 +804,7 @@ def test_a_planner_that_exists_elsewhere_can_be_replaced_with_its_limits() -> No
     params: Any = loaded.local_planner.params
     assert (params.vx_max, params.vx_min, params.ax_max, params.ax_min) == (0.4, -0.2, 0.5, -0.5)
     assert (params.turning_radius, params.model_dt, params.time_steps) == (0.8, 0.1, 28)
+    assert params.validator.consider_footprint  # the average of trajectories without contact may have one
     assert loaded.navstack.sim.kinematics == "ackermann"
     assert loaded.navstack.sim.turning_radius == pytest.approx(0.8)
     assert loaded.turning_radius == pytest.approx(0.8)
