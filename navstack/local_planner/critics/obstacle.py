@@ -153,9 +153,8 @@ class ObstacleCritic(Critic[ObstacleParams]):
 
     def nearest_rejection(self, rows: NDArray[np.intp]) -> int:
         """The row that travels the shortest distance before its collision."""
-        rollouts, first = self._rollouts, self.first_collision
-        assert rollouts is not None
-        return min(rows.tolist(), key=lambda row: (first[row] < 0, travelled(rollouts, row, int(first[row]))))
+        assert self._rollouts is not None
+        return nearest_collision(self._rollouts, rows, self.first_collision[rows])
 
     def footprint_scale(self, speed: float, max_speed: float) -> float:
         """Factor by which the footprint has grown at `speed` (m/s)."""
@@ -177,6 +176,17 @@ def collision_detail(
         cell=found[:2] if found else None,
         cost=found[2] if found else None,
     )
+
+
+def nearest_collision(rollouts: Rollouts, rows: NDArray[np.intp], steps: NDArray[np.int64]) -> int:
+    """Return the row that travels the shortest distance up to its point `steps` (n,), -1: to none; the first of equal ones."""
+    colliding = np.flatnonzero(steps >= 0)
+    if not len(colliding):
+        return int(rows[0])
+    rows, steps = rows[colliding], steps[colliding]
+    lengths = np.zeros((len(rows), int(steps.max()) + 1))
+    np.cumsum(np.hypot(*np.diff(rollouts.poses[rows, : lengths.shape[1], :2], axis=1).T).T, axis=1, out=lengths[:, 1:])
+    return int(rows[np.argmin(lengths[np.arange(len(rows)), steps])])
 
 
 def travelled(rollouts: Rollouts, row: int, step: int) -> float:
