@@ -21,7 +21,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-import navstack.gym
+import navstack.gym  # noqa: F401  registers the environments
 
 PERIOD_S, LIMIT_S = 0.5, 50.0
 ROBOT = "jackal_dwa"
@@ -93,7 +93,10 @@ def search(
         best = candidates[np.argsort(costs)[: max(2, population // 4)]]
         mean = 0.5 * mean + 0.5 * best.mean(axis=0)
         deviation = 0.7 * deviation + 0.3 * np.maximum(best.std(axis=0), 0.05)
-        print(f"generation {generation}: mean of the candidates {costs.mean():.2f} s, best {costs.min():.2f} s", flush=True)
+        print(
+            f"generation {generation}: mean of the candidates {costs.mean():.2f} s, best {costs.min():.2f} s",
+            flush=True,
+        )
     return mean
 
 
@@ -147,7 +150,9 @@ def compare(found: dict[str, list[list[float]]], levels: str, split: str, count:
         costs[kind] = np.array([cost for cost, _ in drives])
         success = np.mean([info["is_success"] for _, info in drives])
         collided = sum(info["outcome"] == "collision" for _, info in drives)
-        print(f"{kind:<9} success {success:.2f}, collisions {collided}, mean cost {costs[kind].mean():.2f} s", flush=True)
+        print(
+            f"{kind:<9} success {success:.2f}, collisions {collided}, mean cost {costs[kind].mean():.2f} s", flush=True
+        )
     for kind, reference in (("constant", "fixed"), ("adaptive", "fixed"), ("adaptive", "constant")):
         difference = costs[kind] - costs[reference]
         low, high = interval(difference)

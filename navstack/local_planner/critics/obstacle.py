@@ -204,7 +204,7 @@ def first_lethal_cell(
     The edges are rasterized as in `edge_cost`: from vertex to vertex (Bresenham), the longer axis leading.
     """
     g = costmap.geometry
-    corners = Footprint(footprint.vertices * scale).at(pose)
+    corners = footprint.at(pose, scale)
     cells = np.floor((corners - (g.origin_x, g.origin_y)) / g.resolution).astype(np.int64).tolist()
     for (x0, y0), (x1, y1) in pairwise([*cells, cells[0]]):
         dx, dy = x1 - x0, y1 - y0
