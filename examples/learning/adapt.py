@@ -1,8 +1,7 @@
 """Search for parameters of DWA that depend on the scan, as APPL learns them; compare them with the fixed ones.
 
     pip install 'navstack[gym]'
-    python examples/learning/adapt.py --out adapted.json
-    python examples/learning/adapt.py --evaluate adapted.json --barn FOLDER
+    python examples/learning/adapt.py --out adapted.json --barn FOLDER
 
 The cross-entropy method searches twice from the values of the parameter file: for other constants, and for a policy that sets
 them every half second from three features of the scan. Training worlds are generated as BARN's were; with `--barn` the comparison
@@ -101,10 +100,13 @@ def search(
 
 
 def train(options: argparse.Namespace) -> dict[str, list[list[float]]]:
-    """Search for constants and for a policy; return the weights of each."""
+    """Search for constants and for a policy; return the weights of each, which are also written, and not searched again."""
     env = make("barn", "train", options.worlds, 0)
-    size, found = len(PARAMETERS), {}
+    size = len(PARAMETERS)
+    found = json.loads(options.out.read_text()) if options.out.exists() else {}
     for kind in KINDS:
+        if kind in found:
+            continue
 
         def spread(values: NDArray[np.float64], kind: str = kind) -> NDArray[np.float64]:
             weights = np.zeros((size, 4))
@@ -127,6 +129,7 @@ def train(options: argparse.Namespace) -> dict[str, list[list[float]]]:
             seed=options.seed,
         )
         found[kind] = spread(values).tolist()
+        options.out.write_text(json.dumps(found, indent=1))
     return found
 
 
@@ -168,14 +171,11 @@ def main() -> None:
     parser.add_argument("--population", type=int, default=10)
     parser.add_argument("--count", type=int, default=50, help="worlds of the comparison")
     parser.add_argument("--barn", type=Path, help="folder with BARN's worlds.npz for the comparison")
-    parser.add_argument("--evaluate", type=Path, help="compare this result, without a search")
-    parser.add_argument("--out", type=Path, default=Path("adapted.json"))
+    parser.add_argument(
+        "--out", type=Path, default=Path("adapted.json"), help="what is found; a search in it is not repeated"
+    )
     options = parser.parse_args()
-    if options.evaluate:
-        found = json.loads(options.evaluate.read_text())
-    else:
-        found = train(options)
-        options.out.write_text(json.dumps(found, indent=1))
+    found = train(options)
     if options.barn:
         compare(found, str(options.barn), "all", options.count)
     else:
