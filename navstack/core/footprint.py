@@ -72,12 +72,13 @@ class Footprint:
         circle = _padded(_circle(float(self.vertices[0, 0]) - self.padding), self.padding)
         return bool(np.allclose(self.vertices, circle, rtol=0.0, atol=1e-9))
 
-    def at(self, pose: Pose2D) -> NDArray[np.float64]:
-        """Return the vertices (n, 2) at `pose`, in the frame of the pose (m)."""
+    def at(self, pose: Pose2D, scale: float = 1.0) -> NDArray[np.float64]:
+        """Return the vertices (n, 2) of the footprint, grown by `scale`, at `pose`, in the frame of the pose (m)."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        out = np.empty_like(self.vertices)
-        out[:, 0] = pose.x + c * self.vertices[:, 0] - s * self.vertices[:, 1]
-        out[:, 1] = pose.y + s * self.vertices[:, 0] + c * self.vertices[:, 1]
+        vertices = self.vertices if scale == 1.0 else self.vertices * scale
+        out = np.empty_like(vertices)
+        out[:, 0] = pose.x + c * vertices[:, 0] - s * vertices[:, 1]
+        out[:, 1] = pose.y + s * vertices[:, 0] + c * vertices[:, 1]
         return out
 
     def __eq__(self, other: object) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +110,31 @@ def read_levels(
     return found
 
 
+def level_number(level: Any, names: Sequence[str]) -> int:
+    """Return the number of a level given by name or number. Raises InputError."""
+    if isinstance(level, str):
+        if level in names:
+            return names.index(level)
+        close = nearest(level, list(names))
+        hint = f'did you mean "{close}"?' if close else f"levels: {', '.join(names[:20])}{', ..' * (len(names) > 20)}"
+        raise InputError(f'there is no level "{level}"; {hint}', level=level)
+    if isinstance(level, (int, np.integer)) and 0 <= level < len(names):
+        return int(level)
+    raise InputError(f"the level is {level!r}; give a name, or a number of 0 .. {len(names) - 1}")
+
+
+def level_weights(weights: Sequence[float], number: int) -> NDArray[np.float64]:
+    """Return the weights (n,) by which levels are drawn. Raises InputError."""
+    try:
+        values = np.asarray(weights, np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    valid = values.shape == (number,) and bool(np.isfinite(values).all() and (values >= 0.0).all())
+    if not (valid and values.sum() > 0.0):
+        raise InputError(f"give {number} weights of at least 0, not all 0: one per level")
+    return values
+
+
 def _of_split(levels: list[Level], split: str, count: int | None) -> list[Level]:
     first, step = SPLITS[split]
     return levels[first::step][:count]
@@ -140,7 +165,9 @@ def _read(source: Levels, split: str, count: int | None, seed: int, radius: floa
         return [scenario_level(spec, radius) for spec in specs if spec.start is not None and spec.goals]
     if path.is_file() and is_scenario_file(path):
         return [scenario_level(read_scenario(path), radius)]
-    known = [BARN_NAME, *shipped_scenarios(), *suite_names(), *(f"map:{name}" for name in map_names())]
+    # a suite may have the name of a scenario
+    maps = (f"map:{name}" for name in map_names())
+    known = list(dict.fromkeys((BARN_NAME, *shipped_scenarios(), *suite_names(), *maps)))
     close = nearest(text, known)
     hint = (
         f'did you mean "{close}"?'

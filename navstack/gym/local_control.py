@@ -14,15 +14,17 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from navstack.core import InputError
-from navstack.gym.levels import Levels, read_levels
+from navstack.gym.levels import Levels, level_number, level_weights, read_levels
 from navstack.gym.render import LevelPicture
 from navstack.gym.simulation import OUTCOMES, RESET, SKIP, STEP, TERMS, Simulation
 from navstack.gym.task import (
     ActionScale,
     Observation,
     Variation,
+    check_reset_options,
     limits_of,
     make_task,
+    refuse_unknown,
     reward_weights,
     robot_models,
 )
@@ -39,8 +41,9 @@ class _Core:
         self,
         number: int,
         threads: int,
-        *,
+        own: type[LocalControlEnv] | type[LocalControlVectorEnv],
         same_step: bool = False,
+        *,
         levels: Levels | Sequence[Levels] = "barn",
         split: str = "train",
         count: int | None = None,
@@ -60,7 +63,9 @@ class _Core:
         randomize: Mapping[str, Variation] | None = None,
         variants: int = 64,
         max_episode_steps: int | None = None,
+        **unknown: Any,
     ) -> None:
+        refuse_unknown(unknown, _Core.__init__, own.__init__)
         if actions not in ("box", "discrete"):
             raise InputError(f'actions is "{actions}"; it must be "box" or "discrete"', actions=actions)
         sources = [robot] if isinstance(robot, (str, Mapping)) or not isinstance(robot, Sequence) else list(robot)
@@ -113,13 +118,7 @@ class _Core:
 
     def want_level(self, index: int, level: Any) -> None:
         """Set the level of the next episode, by name or number. Raises InputError."""
-        if isinstance(level, str):
-            if level not in self.names:
-                raise InputError(f'there is no level "{level}"; levels: {", ".join(self.names)}', level=level)
-            level = self.names.index(level)
-        if not isinstance(level, (int, np.integer)) or not 0 <= level < len(self.names):
-            raise InputError(f"the level is {level!r}; give a name, or a number of 0 .. {len(self.names) - 1}")
-        self.simulation.batch.episodes[index]["wanted_level"] = level
+        self.simulation.batch.episodes[index]["wanted_level"] = level_number(level, self.names)
 
     def run(self, todo: Any, actions: NDArray[np.float64]) -> None:
         """Step or reset: `todo` is one number, or one per environment."""
@@ -133,12 +132,7 @@ class _Core:
 
     def set_weights(self, weights: Sequence[float]) -> None:
         """Set how often each level is drawn, in proportion. Raises InputError."""
-        values = np.asarray(weights, np.float64)
-        if values.shape != (len(self.names),) or not (
-            np.isfinite(values).all() and (values >= 0.0).all() and values.sum() > 0.0
-        ):
-            raise InputError(f"give {len(self.names)} weights of at least 0, not all 0: one per level")
-        self.simulation.cumulative[:] = np.cumsum(values)
+        self.simulation.cumulative[:] = np.cumsum(level_weights(weights, len(self.names)))
 
     def close(self) -> None:
         """End the threads."""
@@ -187,7 +181,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         if render_mode not in (None, "rgb_array"):
             raise InputError(f'render_mode is "{render_mode}"; it must be None or "rgb_array"', render_mode=render_mode)
         self.render_mode = render_mode
-        self._core = core = _Core(1, 1, **options)
+        self._core = core = _Core(1, 1, LocalControlEnv, **options)
         self.observation_space = core.observation.space
         self.action_space = core.scale.space
         self._picture: LevelPicture | None = None
@@ -215,7 +209,9 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         if seed is not None or not core.is_reset:
             core.seed_from(0, self.np_random, self.np_random_seed)
             core.is_reset = True
-        if options and "level" in options:
+        options = options or {}
+        check_reset_options(options, ("level",))
+        if "level" in options:
             core.want_level(0, options["level"])
         core.run(RESET, core.no_actions)
         self._needs_reset = False
@@ -312,7 +308,7 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
         if threads < 1:
             raise InputError(f"threads is {threads}; it must be at least 1", threads=threads)
         same_step = self._mode is AutoresetMode.SAME_STEP
-        self._core = core = _Core(num_envs, threads, same_step=same_step, **options)
+        self._core = core = _Core(num_envs, threads, LocalControlVectorEnv, same_step, **options)
         self.num_envs = num_envs
         self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
         self.single_observation_space, self.single_action_space = core.observation.space, core.scale.space
@@ -339,6 +335,7 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
         core = self._core
         core.check_open()
         options = options or {}
+        check_reset_options(options, ("level", "reset_mask"))
         mask = np.asarray(options.get("reset_mask", np.ones(self.num_envs, np.bool_)))
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
             raise InputError(f"reset_mask must be {self.num_envs} booleans, at least one of them True")
@@ -397,13 +394,11 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
         everywhere = np.ones(self.num_envs, np.bool_)
         infos = self._report(outputs.infos, everywhere)
         terms = self._terms(stepped)
-        if mode is not AutoresetMode.SAME_STEP:
-            infos |= {"reward_terms": terms, "_reward_terms": stepped}
-            if ended.any():
+        infos |= {"reward_terms": terms, "_reward_terms": stepped}
+        if ended.any():
+            if mode is not AutoresetMode.SAME_STEP:
                 infos |= self._ends(outputs.infos, ended)
-        else:
-            infos |= {"reward_terms": terms, "_reward_terms": stepped}
-            if ended.any():
+            else:
                 last = self._report(outputs.last_infos, ended)
                 last |= {"reward_terms": terms, "_reward_terms": ended.copy(), **self._ends(outputs.last_infos, ended)}
                 final = np.full(self.num_envs, None, dtype=object)

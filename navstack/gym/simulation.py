@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from navstack.core import Footprint, InputError, kernel
 from navstack.gym.levels import Level
 from navstack.parameters import LidarParams, SimParams
+from navstack.scenario import START_RADIUS_M, barn_score
 from navstack.sim import SAMPLE_SIZE, STATE, World, body_settings, clearance, drive, scan_settings, sweep
 
 MAX_DELAY: Final = 16
@@ -105,7 +106,7 @@ EPISODE: Final = np.dtype(
         ("variant", "i8"),
         ("physics_step", "i8"),
         ("control_step", "i8"),
-        ("moved_at", "f8"),  # time when the robot was 0.1 m from the start, s; negative before
+        ("moved_at", "f8"),  # time when the robot was `START_RADIUS_M` from the start, s; negative before
         ("path_index", "i8"),
         ("given", "f8", (3 * (MAX_DELAY + 2),)),  # commands, the newest first
         ("last", "f8", (3,)),  # the last action
@@ -464,13 +465,7 @@ def report_end(level, moved_at, info):
     info.time_to_goal = info.time
     longest = max(level.optimal_length, info.path_length)
     info.spl = level.optimal_length / longest if longest > 0.0 else 1.0
-    optimal_time = level.optimal_length / 2.0
-    taken = info.time - max(moved_at, 0.0)
-    # the score of the BARN challenge
-    if optimal_time > 0.0:
-        info.barn_score = optimal_time / min(max(taken, 2.0 * optimal_time), 8.0 * optimal_time)
-    else:
-        info.barn_score = 0.5
+    info.barn_score = barn_score(level.optimal_length, info.time - max(moved_at, 0.0))
 
 
 @kernel
@@ -496,7 +491,7 @@ def step_environment(i, batch, robots, worlds, levels, task, action, outputs):
     episode.control_step += 1
     clear = true_clearance(i, batch, robots, worlds, level.world)
     report_state(i, batch, task, clear, info)
-    if episode.moved_at < 0.0 and math.hypot(state.x - level.start[0], state.y - level.start[1]) >= 0.1:
+    if episode.moved_at < 0.0 and math.hypot(state.x - level.start[0], state.y - level.start[1]) >= START_RADIUS_M:
         episode.moved_at = info.time
     lowest = observe(i, batch, robots, worlds, level, task, outputs.observations[i])
     was = math.hypot(level.target[0] - before_x, level.target[1] - before_y)

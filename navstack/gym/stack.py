@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from navstack.bringup import reconfigure
 from navstack.core import InputError, NavError, Path, Pose2D, Twist2D
-from navstack.gym.levels import Level, Levels, read_levels
+from navstack.gym.levels import Level, Levels, level_number, level_weights, read_levels
 from navstack.gym.render import LevelPicture
-from navstack.gym.task import COMFORT_M, NEAR_M, reward_weights
+from navstack.gym.task import COMFORT_M, NEAR_M, check_positive, check_reset_options, refuse_unknown, reward_weights
 from navstack.parameters import Configuration, LidarParams, Source, load_configuration
 from navstack.plugins import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
-from navstack.scenario import Run, Scenario
+from navstack.scenario import START_RADIUS_M, Run, Scenario, barn_score
 from navstack.sim import Lidar
 from navstack.studies import parse_search_space
 
@@ -52,16 +52,17 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         beams: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        **unknown: Any,
     ) -> None:
+        refuse_unknown(unknown, StackEnv.__init__, type(self).__init__)
         if render_mode not in (None, "rgb_array"):
             raise InputError(f'render_mode is "{render_mode}"; it must be None or "rgb_array"', render_mode=render_mode)
         if collision not in ("end", "stop"):
             raise InputError(f'collision is "{collision}"; it must be "end" or "stop"', collision=collision)
         if max_episode_steps is not None and max_episode_steps < 1:
             raise InputError(f"max_episode_steps is {max_episode_steps}; it must be at least 1")
-        for name, value in (("scan_clip", scan_clip), ("goal_range", goal_range)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} is {value:g}; it must be above 0", argument=name, value=value)
+        check_positive("scan_clip", scan_clip)
+        check_positive("goal_range", goal_range)
         self.render_mode = render_mode
         single = isinstance(robot, (str, Mapping)) or not isinstance(robot, Sequence)
         self._sources: list[Source] = [robot] if single else list(robot)  # pyright: ignore[reportArgumentType, reportAttributeAccessIssue]
@@ -100,6 +101,8 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         self._needs_reset = True
         self._is_closed = False
         self._episode = 0
+        self._moved_at: float | None = None
+        """Time at which the robot was `START_RADIUS_M` from its start (s)."""
 
     # --- to be supplied -----------------------------------------------------------------------------------------------
 
@@ -127,11 +130,7 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
 
     def set_level_weights(self, weights: Sequence[float]) -> None:
         """Set how often each level is drawn from now on, in proportion (one weight per level)."""
-        values = np.asarray(weights, np.float64)
-        valid = values.shape == self._weights.shape and bool(np.isfinite(values).all() and (values >= 0.0).all())
-        if not (valid and values.sum() > 0.0):
-            raise InputError(f"give {len(self._levels)} weights of at least 0, not all 0: one per level")
-        self._weights = values
+        self._weights = level_weights(weights, len(self._levels))
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode; `options={"level": NAME or NUMBER}` chooses its level."""
@@ -139,13 +138,15 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         self._check_open()
         drawn = float(self.np_random.random()) * float(self._weights.sum())
         index = min(int(np.searchsorted(np.cumsum(self._weights), drawn, side="right")), len(self._levels) - 1)
-        index = self._wanted((options or {}).get("level"), index)
+        check_reset_options(options or {}, ("level",))
+        wanted = (options or {}).get("level")
+        index = index if wanted is None else level_number(wanted, self.levels)
         self._level = self._levels[index]
         scenario = replace(self._scenario(index), seed=int(self.np_random.integers(1 << 31)))
         self._run = run = Run(scenario, record=False, scans=False, measure=False)
         self._lidar = Lidar(self._lidar_params, seed=scenario.seed, number=0)
         self._steps = self._scans = 0
-        self._nearest = math.inf
+        self._nearest, self._moved_at = math.inf, None
         self._collisions = 0
         self._episode += 1
         self._seed = scenario.seed
@@ -166,9 +167,12 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         run = self._run
         if self._needs_reset or run is None:
             raise InputError("the episode has ended or not begun; call reset() before step()")
-        values = np.asarray(action, np.float64)
+        try:
+            values = np.asarray(action, np.float64)
+        except (TypeError, ValueError):
+            values = np.full(self.action_space.shape or 1, math.nan)
         if values.shape != self.action_space.shape or not (np.abs(values) <= 1.0 + 1e-6).all():
-            shown = values.tolist() if values.size < 20 else f"of the shape {values.shape}"
+            shown = action if values.size < 20 else f"of the shape {values.shape}"
             raise InputError(
                 f"the action {shown} is not {self.action_space.shape} finite numbers in [-1, 1]; clip what the policy gives"
             )
@@ -228,22 +232,18 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
             self._picture.close()
             self._picture = None
 
+    def _cycle(self, run: Run) -> bool:
+        """Run a cycle of the stack; return False if the run is over."""
+        goes_on = run.step()
+        if self._moved_at is None and run.robot.pose.distance_to(self._level.start) >= START_RADIUS_M:
+            self._moved_at = run.robot.time
+        return goes_on
+
     # --- parts --------------------------------------------------------------------------------------------------------
 
     def _check_open(self) -> None:
         if self._is_closed:
             raise InputError("the environment is closed; make a new one")
-
-    def _wanted(self, level: Any, drawn: int) -> int:
-        if level is None:
-            return drawn
-        if isinstance(level, str):
-            if level not in self.levels:
-                raise InputError(f'there is no level "{level}"; levels: {", ".join(self.levels)}', level=level)
-            return self.levels.index(level)
-        if not isinstance(level, (int, np.integer)) or not 0 <= level < len(self._levels):
-            raise InputError(f"the level is {level!r}; give a name, or a number of 0 .. {len(self._levels) - 1}")
-        return int(level)
 
     def _scenario(self, index: int) -> Scenario:
         """Return the scenario of a level with the robot's parameters; its goal is that of the level."""
@@ -322,8 +322,6 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         assert run is not None
         reached, taken, driven = outcome == "goal", run.robot.time, run.robot.distance_travelled
         shortest = self._level.length
-        optimal = shortest / 2.0
-        score = optimal / min(max(taken, 2.0 * optimal), 8.0 * optimal) if optimal > 0.0 else 0.5
         return {
             "is_success": reached,
             "outcome": outcome,
@@ -331,7 +329,7 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
             "time_to_goal": taken if reached else math.nan,
             "spl": shortest / max(shortest, driven) if reached and driven > 0.0 else float(reached),
             "min_clearance": self._nearest,
-            "barn_score": score if reached else 0.0,
+            "barn_score": barn_score(shortest, taken - (self._moved_at or 0.0)) if reached else 0.0,
             "scenario": self._level.name,
             "seed": self._seed,
         }
@@ -361,8 +359,7 @@ class PlannerParamsEnv(StackEnv):
         Raises NavError for invalid arguments, parameters that do not exist and ranges that they cannot have.
         """
         super().__init__(collision=collision, reward=reward, max_episode_steps=max_episode_steps, **options)
-        if not (math.isfinite(period) and period > 0.0):
-            raise InputError(f"period is {period:g}; it must be above 0", period=period)
+        check_positive("period", period)
         self._period = period
         self._space = parse_search_space(
             self._scenario(0).configuration, space=None if parameters else "local_planner", params=parameters
@@ -401,7 +398,7 @@ class PlannerParamsEnv(StackEnv):
     def _advance(self, run: Run) -> bool:
         until = run.robot.time + self._period - 1e-9
         for _ in range(MAX_CYCLES):
-            if not run.step():
+            if not self._cycle(run):
                 return False
             if run.robot.time >= until or (self._ends_at_collision and len(run.robot.collisions) > self._collisions):
                 return True
@@ -500,7 +497,7 @@ class ResidualEnv(StackEnv):
     def _advance(self, run: Run) -> bool:
         commands, until = self._planner.commands, run.robot.time + 1.0
         for _ in range(MAX_CYCLES):
-            if not run.step():
+            if not self._cycle(run):
                 return False
             # without a command (the robot plans, or recovers) a step is a second
             if self._planner.commands > commands or run.robot.time >= until:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,33 @@ NEAR_M: Final = 0.1
 COMFORT_M: Final = 0.2
 SPACING_M: Final = 0.5
 PLAN_RANGE_M: Final = 5.0
+
+
+def refuse_unknown(unknown: Mapping[str, Any], *makers: Any) -> None:
+    """Raise InputError if there are `unknown` arguments; `makers`: the functions whose keywords an environment takes."""
+    known = [
+        name
+        for maker in makers
+        for name, parameter in inspect.signature(maker).parameters.items()
+        if parameter.kind is parameter.KEYWORD_ONLY
+    ]
+    for name in unknown:
+        close = nearest(name, known)
+        hint = f'did you mean "{close}"?' if close else f"arguments: {', '.join(sorted(set(known)))}"
+        raise InputError(f'unknown argument "{name}" of the environment; {hint}', argument=name)
+
+
+def check_positive(name: str, value: Any) -> None:
+    """Raise InputError if an argument is not a finite number above 0."""
+    if not (isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value) and value > 0.0):
+        raise InputError(f"{name} is {value}; it must be a number above 0", argument=name, value=str(value))
+
+
+def check_reset_options(options: Mapping[str, Any], known: Sequence[str]) -> None:
+    """Raise InputError for an option of `reset` that is not among the known ones."""
+    for name in options:
+        if name not in known:
+            raise InputError(f'unknown option "{name}" of reset; options: {", ".join(known)}', option=str(name))
 
 
 def reward_weights(reward: str | Mapping[str, float]) -> dict[str, float]:
@@ -202,8 +230,9 @@ def make_task(
     if collision not in ("end", "stop"):
         raise InputError(f'collision is "{collision}"; it must be "end" or "stop"', collision=collision)
     for name, value in (("period", period), ("scan_clip", clip), ("goal_range", reach)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name} is {value:g}; it must be above 0", argument=name, value=value)
+        check_positive(name, value)
+    if not isinstance(plan, int) or plan < 0:
+        raise InputError(f"plan is {plan}; it must be a number of points, 0 or more", plan=str(plan))
     steps = round(period * frequency)
     if steps < 1 or abs(steps - period * frequency) > 1e-6:
         raise InputError(

@@ -7,9 +7,11 @@ if TYPE_CHECKING:
     from navstack.scenario.barn import JACKAL as JACKAL
     from navstack.scenario.barn import ROUGH_JACKAL as ROUGH_JACKAL
     from navstack.scenario.barn import START as START
+    from navstack.scenario.barn import START_RADIUS_M as START_RADIUS_M
     from navstack.scenario.barn import WORLDS_FILE as WORLDS_FILE
     from navstack.scenario.barn import BarnWorld as BarnWorld
     from navstack.scenario.barn import barn_map as barn_map
+    from navstack.scenario.barn import barn_score as barn_score
     from navstack.scenario.barn import barn_spec as barn_spec
     from navstack.scenario.barn import load_worlds as load_worlds
     from navstack.scenario.file_reader import check_scenario as check_scenario

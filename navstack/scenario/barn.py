@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import GridGeometry, InputError, OccupancyGrid, Pose2D, is_file, read_arrays, shortened
+from navstack.core import GridGeometry, InputError, OccupancyGrid, Pose2D, is_file, plain_kernel, read_arrays, shortened
 from navstack.scenario.spec import ScenarioSpec, single_goal_spec
 from navstack.sim import Shape
 
@@ -33,6 +33,8 @@ _LARGEST: Final = 1e6
 """Largest number, coordinate or length of a world (m)."""
 OPTIMAL_SPEED: Final = 2.0
 """Speed assumed on the shortest path by the score (m/s)."""
+START_RADIUS_M: Final = 0.1
+"""The time of a run counts from when the robot is this far from the start (m)."""
 
 JACKAL: Final[Mapping[str, Any]] = {
     "physics_frequency": 100.0,
@@ -79,8 +81,17 @@ class BarnWorld:
 
     def score(self, time_s: float) -> float:
         """Returns the BARN score of a success after `time_s`, 0.0625 to 0.5: OT / clip(AT, 2 OT, 8 OT)."""
-        optimal = self.optimal_time_s
-        return optimal / min(max(time_s, 2.0 * optimal), 8.0 * optimal)
+        return barn_score(self.optimal_length_m, time_s)
+
+
+@plain_kernel
+def barn_score(length, time):
+    """Return the BARN score of a success after `time` (s): OT / clip(AT, 2 OT, 8 OT); 0.5 for a path of no `length` (m).
+
+    OT is the duration of the shortest path at `OPTIMAL_SPEED`; AT begins when the robot has moved `START_RADIUS_M`.
+    """
+    optimal = length / OPTIMAL_SPEED
+    return optimal / min(max(time, 2.0 * optimal), 8.0 * optimal) if optimal > 0.0 else 0.5
 
 
 def barn_map(world: BarnWorld) -> OccupancyGrid:

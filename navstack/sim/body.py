@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from navstack.core import DifferentialDrive, Footprint, MecanumDrive, OmniDrive, Twist2D, WheelDrive, kernel
 from navstack.parameters import MAX_CAR_ANGLE, SimParams
-from navstack.sim.collision import choose_solids, distance_to_solid, find_collision, solid_collision
+from navstack.sim.collision import choose_solids, distance_to_solid, find_collision, is_near_solid, solid_collision
 from navstack.sim.solids import SolidGeometry
 
 INTEGRATIONS: Final = {"rk2": 0, "exact": 1, "euler": 2}
@@ -311,7 +311,7 @@ RELEASE = 0.02
 # tolerance for rounding: motion tangential to an overlapping obstacle does not approach it, m
 TANGENT = 1e-9
 # solids beyond this distance from where they were last chosen are ignored, m
-HORIZON = 1.0
+HORIZON = 0.3
 
 
 @kernel
@@ -402,7 +402,10 @@ def separate_overlapping(state, body, footprint, solids, chosen, count, placed):
     c, s = math.cos(yaw), math.sin(yaw)
     clear = 0
     for k in range(count):
-        if not solid_collision(solids, chosen[k], footprint, body.radius, state.x, state.y, c, s, placed):
+        if not (
+            is_near_solid(solids, chosen[k], body.radius, state.x, state.y)
+            and solid_collision(solids, chosen[k], footprint, state.x, state.y, c, s, placed)
+        ):
             chosen[clear], chosen[k] = chosen[k], chosen[clear]
             clear += 1
     return clear

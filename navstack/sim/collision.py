@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navstack.core import Pose2D, kernel, plain_kernel
-from navstack.sim.map_cells import free_around, polygon_on_cells, segment_meets_square
+from navstack.sim.map_cells import free_around, is_free_around, polygon_on_cells, segment_meets_square
 from navstack.sim.solids import polygon_contains, polygon_to_point, polygon_to_polygon, polygons_meet
 
 
@@ -55,21 +55,24 @@ def choose_solids(solids, x, y, reach, chosen):
 
 
 @plain_kernel
-def solid_collision(solids, number, footprint, radius, x, y, c, s, placed):
-    """True if the footprint (n, 2) intersects the solid with that number; c and s are cosine and sine of its yaw.
+def is_near_solid(solids, number, radius, x, y):
+    """True if the circle of `radius` (m) around the point meets the bounding circle of the solid with that number."""
+    k = number - solids.discs.shape[0]
+    circle = solids.discs[number] if k < 0 else solids.circles[k]
+    dx, dy, far = circle[0] - x, circle[1] - y, radius + circle[2]
+    return dx * dx + dy * dy <= far * far  # False for a disc that is absent
 
-    `radius` is the footprint's circumscribed radius (m), `placed` (n, 2) scratch memory.
+
+@plain_kernel
+def solid_collision(solids, number, footprint, x, y, c, s, placed):
+    """True if the footprint (n, 2) intersects the solid with that number, which it is near; c, s: cosine and sine of its yaw.
+
+    `placed` (n, 2) is scratch memory.
     """
-    discs, circles = solids.discs, solids.circles
-    if number < discs.shape[0]:
-        dx, dy, r = discs[number, 0] - x, discs[number, 1] - y, discs[number, 2]
-        if not dx * dx + dy * dy <= (radius + r) * (radius + r):  # too far, or absent
-            return False
-        return polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < r
-    k = number - discs.shape[0]
-    dx, dy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
-    if dx * dx + dy * dy > (radius + r) * (radius + r):
-        return False
+    k = number - solids.discs.shape[0]
+    if k < 0:
+        dx, dy = solids.discs[number, 0] - x, solids.discs[number, 1] - y
+        return polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < solids.discs[number, 2]
     for i in range(footprint.shape[0]):
         placed[i, 0] = x + c * footprint[i, 0] - s * footprint[i, 1]
         placed[i, 1] = y + s * footprint[i, 0] + c * footprint[i, 1]
@@ -87,16 +90,22 @@ def find_collision(squares, grid, solids, chosen, count, footprint, radius, x, y
     c, s = math.cos(grid[2]), math.sin(grid[2])
     gx = (c * (x - grid[0]) + s * (y - grid[1])) / resolution
     gy = (c * (y - grid[1]) - s * (x - grid[0])) / resolution
-    c, s = math.cos(yaw - grid[2]), math.sin(yaw - grid[2])
-    for i in range(footprint.shape[0]):
-        placed[i, 0] = gx + (c * footprint[i, 0] - s * footprint[i, 1]) / resolution
-        placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
-    cell = polygon_on_cells(squares, placed, gx, gy, radius / resolution)
-    if cell >= 0:
-        return cell
-    c, s = math.cos(yaw), math.sin(yaw)
+    # the free square at the center often covers the bounding circle; most poses then need no direction
+    if not is_free_around(squares, gx, gy, radius / resolution):
+        c, s = math.cos(yaw - grid[2]), math.sin(yaw - grid[2])
+        for i in range(footprint.shape[0]):
+            placed[i, 0] = gx + (c * footprint[i, 0] - s * footprint[i, 1]) / resolution
+            placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
+        cell = polygon_on_cells(squares, placed)
+        if cell >= 0:
+            return cell
+    c, s, has_direction = 1.0, 0.0, False
     for k in range(count):
-        if solid_collision(solids, chosen[k], footprint, radius, x, y, c, s, placed):
+        if not is_near_solid(solids, chosen[k], radius, x, y):
+            continue
+        if not has_direction:
+            c, s, has_direction = math.cos(yaw), math.sin(yaw), True
+        if solid_collision(solids, chosen[k], footprint, x, y, c, s, placed):
             return -2 - chosen[k]
     return -1
 
@@ -195,11 +204,17 @@ def clearance(squares, grid, discs, circles, corners, first, footprint, x, y, ya
     best *= resolution
     radius *= resolution
     c, s = math.cos(yaw), math.sin(yaw)
+    # the footprint is at most as far as its center, if that lies within it
+    limit = best
+    if n == 1 or polygon_contains(footprint, 0.0, 0.0):
+        for k in range(discs.shape[0]):
+            dx, dy = discs[k, 0] - x, discs[k, 1] - y
+            limit = min(limit, max(math.sqrt(dx * dx + dy * dy) - discs[k, 2], 0.0))
     for k in range(discs.shape[0]):
-        dx, dy = discs[k, 0] - x, discs[k, 1] - y
-        away = math.hypot(dx, dy)
-        if not away - discs[k, 2] - radius <= best + CLOSE:  # too far, or absent
+        dx, dy, far = discs[k, 0] - x, discs[k, 1] - y, min(limit, best) + CLOSE + discs[k, 2] + radius
+        if not dx * dx + dy * dy <= far * far:  # too far, or absent
             continue
+        away = math.hypot(dx, dy)
         if n > 1:
             away = polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx)
         best = min(best, max(away - discs[k, 2], 0.0))

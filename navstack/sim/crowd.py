@@ -151,14 +151,14 @@ def push_from_other(rx, ry, vx, vy, extra):
     `extra` (m): excess of the two radii over those of the model. The equipotential lines are ellipses that extend ahead of the
     pedestrian by the length of the next step.
     """
-    away = math.hypot(rx, ry)
+    away = math.sqrt(rx * rx + ry * ry)
     if away > OTHERS_SEEN + extra or away == 0.0:
         return 0.0, 0.0
     near = max(away - extra, 0.01)
     rx, ry = rx * near / away, ry * near / away
     sx, sy = vx * OTHERS_STEP, vy * OTHERS_STEP
     yx, yy = rx - sx, ry - sy
-    ahead = math.hypot(yx, yy)
+    ahead = math.sqrt(yx * yx + yy * yy)
     b = 0.5 * math.sqrt(max((near + ahead) ** 2 - sx * sx - sy * sy, 1e-6))
     push = OTHERS / OTHERS_REACH * math.exp(-b / OTHERS_REACH) * (near + ahead) / (4.0 * b)
     fx, fy = rx / near, ry / near

@@ -145,25 +145,47 @@ def rough_angle(x, y):
 
 
 @plain_kernel
-def see_disc(ranges, beams, cx, cy, r, d2, angle_min, per_radian):
-    """Shortens the `ranges` (n,) of the beams that hit the disc at (cx, cy) in the sensor's frame (m); d2: squared distance.
+def see_discs(ranges, beams, discs, tops, eye, scan, reach, windows):
+    """Shortens the `ranges` (n,) of the beams that hit one of the discs (k, 3) in the map (m), of the heights `tops`.
 
     The test of a beam is exact. Only the beams between the two tangents need it, so their angles may be rough if they err to the
-    outside: asin(q) <= q + (pi / 2 - 1) q^3. `per_radian`: beams per radian.
+    outside: asin(q) <= q + (pi / 2 - 1) q^3. All windows of beams are computed before any beam is tested: the processor cannot
+    predict how many beams a disc has, and must not wait for an angle to find out. `windows` (k, 6) is scratch.
     """
     n = beams.shape[0]
-    q = r / math.sqrt(d2)
-    half = (q + ARCSINE * q * q * q + ROUGH) * per_radian
-    center = (rough_angle(cx, cy) - angle_min) * per_radian
+    x, y = eye[0], eye[1]
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    per_radian = 1.0 / scan.angle_increment
     turn = 2.0 * math.pi * per_radian
-    center -= turn * math.floor((center + half) / turn)
-    while center - half <= n - 1:
-        for i in range(max(0, math.ceil(center - half)), min(n - 1, math.floor(center + half)) + 1):
-            b = cx * beams[i, 0] + cy * beams[i, 1]
-            h = r * r - (d2 - b * b)
-            if h >= 0.0 and b > 0.0:
-                ranges[i] = min(ranges[i], b - math.sqrt(h))
-        center += turn
+    per_turn = 1.0 / turn
+    number = 0
+    for k in range(discs.shape[0]):
+        wx, wy, r = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
+        d2 = wx * wx + wy * wy
+        if d2 <= r * r and tops[k] >= scan.height:
+            ranges[:] = 0.0
+            return
+        cx, cy = c * wx + s * wy, c * wy - s * wx
+        q = r / math.sqrt(d2)
+        half = (q + ARCSINE * q * q * q + ROUGH) * per_radian
+        center = (rough_angle(cx, cy) - scan.angle_min) * per_radian
+        center -= turn * np.floor((center + half) * per_turn)
+        window = windows[number]
+        window[0], window[1] = center - half, center + half
+        window[2], window[3], window[4], window[5] = cx, cy, r, d2
+        # False for a disc that is absent
+        is_seen = tops[k] >= scan.height and d2 <= (reach + r) * (reach + r) and center - half <= n - 1
+        number += 1 if is_seen else 0
+    for k in range(number):
+        window = windows[k]
+        first, last, cx, cy, r, d2 = window[0], window[1], window[2], window[3], window[4], window[5]
+        while first <= n - 1:
+            for i in range(max(0, math.ceil(first)), min(n - 1, math.floor(last)) + 1):
+                b = cx * beams[i, 0] + cy * beams[i, 1]
+                h = r * r - (d2 - b * b)
+                if h >= 0.0 and b > 0.0:
+                    ranges[i] = min(ranges[i], b - math.sqrt(h))
+            first, last = first + turn, last + turn
 
 
 @kernel
@@ -231,19 +253,7 @@ def sweep(leaps, grid, discs, circles, corners, first, tops, eye, beams, setting
         dy = s * beams[i, 0] + c * beams[i, 1]
         ranges[i] = resolution * cast_ray(flat, ny, nx, px, py, dx, dy, reach / resolution)
 
-    c, s = math.cos(yaw), math.sin(yaw)
-    for k in range(discs.shape[0]):
-        if tops[k] < height:
-            continue
-        wx, wy, r = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
-        d2 = wx * wx + wy * wy
-        if not d2 <= (reach + r) * (reach + r):  # too far, or absent
-            continue
-        if d2 <= r * r:
-            ranges[:] = 0.0
-            continue
-        see_disc(ranges, beams, c * wx + s * wy, c * wy - s * wx, r, d2, angle_min, 1.0 / angle_increment)
-
+    see_discs(ranges, beams, discs, tops, eye, scan, reach, np.empty((discs.shape[0], 6)))
     for k in range(circles.shape[0]):
         wx, wy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
         d2 = wx * wx + wy * wy

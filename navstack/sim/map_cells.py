@@ -115,18 +115,21 @@ def segment_meets_square(x0, y0, x1, y1, left, bottom):
 
 
 @plain_kernel
-def polygon_on_cells(squares, polygon, cx, cy, radius):
+def is_free_around(squares, x, y, radius):
+    """True if the free square of the point's cell shows that no occupied cell meets the circle around the point."""
+    _, ny, nx = squares.shape
+    ix, iy = math.floor(x), math.floor(y)
+    return 0 <= ix < nx and 0 <= iy < ny and free_around(squares, ix, iy) >= radius
+
+
+@plain_kernel
+def polygon_on_cells(squares, polygon):
     """Index iy * nx + ix of an occupied cell that the polygon (n, 2) intersects, -1 if there is none. Exact.
 
-    (cx, cy) and `radius` are a bounding circle of the polygon. A polygon intersects a square if one of its edges does, or if
-    it contains the square's center.
+    A polygon intersects a square if one of its edges does, or if it contains the square's center.
     """
     _, ny, nx = squares.shape
     n = polygon.shape[0]
-    # early exit: the free square at the center often covers the bounding circle
-    ix, iy = math.floor(cx), math.floor(cy)
-    if 0 <= ix < nx and 0 <= iy < ny and free_around(squares, ix, iy) >= radius:
-        return -1
     x0, y0 = polygon[0, 0], polygon[0, 1]
     x1, y1 = x0, y0
     for i in range(1, n):

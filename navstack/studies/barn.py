@@ -22,6 +22,7 @@ from navstack.scenario import (
     JACKAL,
     ROUGH_JACKAL,
     START,
+    START_RADIUS_M,
     WORLDS_FILE,
     BarnWorld,
     Run,
@@ -36,8 +37,6 @@ from navstack.studies.table import Column, Table, mean_of
 from navstack.studies.task import Report, Task
 
 GOAL_RADIUS_M: Final = 1.0
-START_RADIUS_M: Final = 0.1
-"""The clock starts when the robot is this far from the start."""
 TIME_LIMIT_S: Final = 100.0
 
 

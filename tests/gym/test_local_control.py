@@ -369,7 +369,7 @@ def test_a_picture_shows_world_robot_and_goal(levels: list[Level]) -> None:
         ({"randomize": {"velocity_lag": 0.3}}, "give (lowest, highest)"),
         ({"collision": "bounce"}, '"end" or "stop"'),
         ({"actions": "both"}, '"box" or "discrete"'),
-        ({"scan_clip": 0.0}, "scan_clip is 0; it must be above 0"),
+        ({"scan_clip": 0.0}, "scan_clip is 0.0; it must be a number above 0"),
         ({"count": 0}, "count is 0"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
         ({"render_mode": "human"}, "rgb_array"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Pose2D, describe_cost, kernel
-from navstack.local_planner.critics.obstacle import travelled
+from navstack.local_planner.critics.obstacle import nearest_collision, travelled
 from navstack.local_planner.rollouts import shared_cells
 from navstack.plugins import CRITICS, Critic, ParamModel, RejectionDetail, Rollouts, ScoringContext, param
 
@@ -76,10 +76,9 @@ class BaseObstacleCritic(Critic[BaseObstacleParams]):
 
     def nearest_rejection(self, rows: NDArray[np.intp]) -> int:
         """The row that travels the shortest distance before its collision."""
-        rollouts = self._rollouts
-        assert rollouts is not None
-        first = {row: self._first_collision(row) for row in rows.tolist()}
-        return min(first, key=lambda row: (first[row] < 0, travelled(rollouts, row, first[row])))
+        assert self._rollouts is not None
+        first = np.array([self._first_collision(row) for row in rows.tolist()])
+        return nearest_collision(self._rollouts, rows, first)
 
     def _first_collision(self, row: int) -> int:
         """Index of the first point of a row in collision, -1 without."""

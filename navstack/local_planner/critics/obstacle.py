@@ -153,9 +153,8 @@ class ObstacleCritic(Critic[ObstacleParams]):
 
     def nearest_rejection(self, rows: NDArray[np.intp]) -> int:
         """The row that travels the shortest distance before its collision."""
-        rollouts, first = self._rollouts, self.first_collision
-        assert rollouts is not None
-        return min(rows.tolist(), key=lambda row: (first[row] < 0, travelled(rollouts, row, int(first[row]))))
+        assert self._rollouts is not None
+        return nearest_collision(self._rollouts, rows, self.first_collision[rows])
 
     def footprint_scale(self, speed: float, max_speed: float) -> float:
         """Factor by which the footprint has grown at `speed` (m/s)."""
@@ -179,6 +178,17 @@ def collision_detail(
     )
 
 
+def nearest_collision(rollouts: Rollouts, rows: NDArray[np.intp], steps: NDArray[np.int64]) -> int:
+    """Return the row that travels the shortest distance up to its point `steps` (n,), -1: to none; the first of equal ones."""
+    colliding = np.flatnonzero(steps >= 0)
+    if not len(colliding):
+        return int(rows[0])
+    rows, steps = rows[colliding], steps[colliding]
+    lengths = np.zeros((len(rows), int(steps.max()) + 1))
+    np.cumsum(np.hypot(*np.diff(rollouts.poses[rows, : lengths.shape[1], :2], axis=1).T).T, axis=1, out=lengths[:, 1:])
+    return int(rows[np.argmin(lengths[np.arange(len(rows)), steps])])
+
+
 def travelled(rollouts: Rollouts, row: int, step: int) -> float:
     """Distance (m) that a rollout travels up to point `step`."""
     along = rollouts.poses[row, : step + 1, :2]
@@ -194,7 +204,7 @@ def first_lethal_cell(
     The edges are rasterized as in `edge_cost`: from vertex to vertex (Bresenham), the longer axis leading.
     """
     g = costmap.geometry
-    corners = Footprint(footprint.vertices * scale).at(pose)
+    corners = footprint.at(pose, scale)
     cells = np.floor((corners - (g.origin_x, g.origin_y)) / g.resolution).astype(np.int64).tolist()
     for (x0, y0), (x1, y1) in pairwise([*cells, cells[0]]):
         dx, dy = x1 - x0, y1 - y0

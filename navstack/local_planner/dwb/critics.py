@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, Pose2D, Twist2D, angle_between, edge_cost, kernel, plain_kernel
-from navstack.local_planner.critics.obstacle import collision_detail, highest_around, travelled
+from navstack.local_planner.critics.obstacle import collision_detail, highest_around, nearest_collision
 from navstack.local_planner.critics.twirling import TwirlingCritic
 from navstack.local_planner.rollouts import shared_cells
 from navstack.plugins import CRITICS, Critic, ParamModel, RejectionDetail, Rollouts, ScoringContext, param
@@ -109,9 +109,8 @@ class ObstacleFootprintCritic(Critic[ObstacleFootprintParams]):
 
     def nearest_rejection(self, rows: NDArray[np.intp]) -> int:
         """The row that travels the shortest distance before its collision."""
-        rollouts, first = self._rollouts, self._first_collision
-        assert rollouts is not None
-        return min(rows.tolist(), key=lambda row: (first[row] < 0, travelled(rollouts, row, int(first[row]))))
+        assert self._rollouts is not None
+        return nearest_collision(self._rollouts, rows, self._first_collision[rows])
 
 
 @kernel
