@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from navstack.behavior_trees.servers import ActionTicket as ActionTicket
     from navstack.behavior_trees.servers import NoServers as NoServers
     from navstack.behavior_trees.servers import Servers as Servers
-    from navstack.behavior_trees.trace import Recovery as Recovery
+    from navstack.behavior_trees.trace import Retry as Retry
     from navstack.behavior_trees.trace import Trace as Trace
     from navstack.behavior_trees.tree import NODES as NODES
     from navstack.behavior_trees.tree import BehaviorTree as BehaviorTree

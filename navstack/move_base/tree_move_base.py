@@ -24,6 +24,7 @@ from navstack.move_base.plugin_calls import call, checked_flag
 from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.states import Mode, NavEvent, NavState, Outcome, Trigger
 from navstack.move_base.tree_servers import TreeServers
+from navstack.plugins import Behavior, BehaviorStatus
 
 TREE_FAILED: Final = "The behavior tree failed."
 """Text of a goal that ends by a FAILURE of the tree."""
@@ -193,10 +194,10 @@ class TreeMoveBase(MoveBase):
         sent, tree = goal.handle.goal, self.tree
         if self._of_tree is None:
             tree.trace.clear()
-            tree.blackboard["number_recoveries"] = 0
         self._of_tree = goal
         x, y, yaw = sent.pose
         pose = StampedPose(x, y, yaw, sent.frame, self._servers.now)
+        tree.blackboard["number_recoveries"] = 0
         tree.blackboard["goal"] = pose
         tree.blackboard["goals"] = [pose]
 
@@ -231,7 +232,7 @@ class TreeMoveBase(MoveBase):
         goal, tree, error = self._goal, self.tree, self._tree_error
         self._tree_error = None
         text = tree.explain() if self._of_tree is not None else ""
-        recoveries = [str(recovery) for recovery in tree.trace.recoveries]
+        retries = [str(retry) for retry in tree.trace.retries]
         if self._of_tree is not None:
             try:
                 tree.halt()
@@ -242,7 +243,7 @@ class TreeMoveBase(MoveBase):
         self._servers.forget()
         self._of_tree = None
         if goal is not None and text:
-            self._events.info(now, text, tree=tree.name, recoveries=recoveries)
+            self._events.info(now, text, tree=tree.name, retries=retries)
         if goal is None or error is None:
             super()._finish_goal(outcome, now)
             return
@@ -344,6 +345,14 @@ class TreeMoveBase(MoveBase):
             self._end_recovery(end, now)
         else:
             self._step_recovery(behavior, now)
+
+    def _publish_recovery(
+        self, behavior: Behavior, status: BehaviorStatus, text: str, data: dict[str, Any], now: float
+    ) -> None:
+        if self._is_by_tree:
+            self._servers.publish_step(behavior, status, text, data)
+        else:
+            super()._publish_recovery(behavior, status, text, data, now)
 
     def _end_recovery(self, end: BehaviorEnd, now: float) -> None:
         if not self._is_by_tree:

@@ -50,7 +50,7 @@ from navstack.move_base.planning import PlanAnswer, Planning, PlanRequest
 from navstack.move_base.plugin_calls import call, checked_pose, checked_state, lookup_transform
 from navstack.move_base.recovery import Recoveries
 from navstack.move_base.states import NavState
-from navstack.plugins import Behavior, CostmapServer, GlobalPlanner, LocalPlanner, Plan, Robot
+from navstack.plugins import Behavior, BehaviorStatus, CostmapServer, GlobalPlanner, LocalPlanner, Plan, Robot
 
 SMOOTHING_S: Final = 0.3
 """Odometry of this time (s) is averaged, as with bt_navigator's `filter_duration`."""
@@ -129,6 +129,10 @@ class TreeServers:
         self._moving: ActionTicket | None = None
         """The behavior that runs."""
         self._moving_base = 700
+        self._is_recovery = False
+        """True if the next goal or call is a recovery."""
+        self._moving_as: int | None = None
+        """Index of the behavior that runs among the recoveries of the goal; None if it is none."""
         self._velocities: deque[tuple[float, Twist2D]] = deque()
         self._pose_at = -math.inf
         self._pose: Pose2D | None = None
@@ -229,6 +233,19 @@ class TreeServers:
             self._events.warn(self.now, exc.message, exc)
             return {"success": False, "message": exc.message}
         return None
+
+    def recovers(self) -> None:
+        """Count the next goal or call as a recovery of the goal."""
+        self._is_recovery = True
+
+    def _counted(self, name: str) -> int | None:
+        """Return the index of a goal or call among the recoveries of the goal, of which it becomes one; None if it is none."""
+        is_recovery, self._is_recovery = self._is_recovery, False
+        if not is_recovery or self.goal is None:
+            return None
+        recoveries = self.goal.statistics.recoveries
+        recoveries.append(name)
+        return len(recoveries) - 1
 
     def robot_pose(self, frame: str, base_frame: str) -> StampedPose | None:
         """Return the robot's pose."""
@@ -417,6 +434,7 @@ class TreeServers:
         assert goal is not None
         if self._moving is not None:
             self.cancel(self._moving)
+        index = self._counted(server)
         cls, model, base = _BEHAVIORS[server]
         configured: list[Any] = [b.params for b in recoveries.behaviors if type(b) is cls]
         try:
@@ -427,18 +445,27 @@ class TreeServers:
             text = str(exc).replace("\n", " ")
             self.abort(ticket, base, NavError(f"{server} cannot run with {dict(request)}: {text:.300}"))
             return
-        self._moving, self._moving_base = ticket, base
-        goal.statistics.recoveries.append(server)
+        self._moving, self._moving_base, self._moving_as = ticket, base, index
         end = recoveries.start(behavior, self.now)
         self.behavior_begins = end is None
         if end is not None:
             self.end_behavior(end)
 
+    def publish_step(self, behavior: Behavior, status: BehaviorStatus, text: str, data: dict[str, Any]) -> None:
+        """Publish a message of the behavior that runs: as a recovery if it is one."""
+        if self._moving_as is None:
+            self._events.info(self.now, text, name=behavior.name, status=status.value, **data)
+        else:
+            self._publish_recovery((behavior.name, type(behavior).__name__), status, text, data, self._moving_as)
+
+    def _publish_recovery(
+        self, names: tuple[str, str], status: BehaviorStatus, text: str, data: dict[str, Any], index: int
+    ) -> None:
+        self._recoveries.publish_named(names, status, text, data, (index, 0), NavState().trigger, self.now)
+
     def end_behavior(self, end: BehaviorEnd) -> None:
         """Take the end of the behavior that runs."""
-        self._recoveries.publish(
-            end.behavior, end.status, end.text or f"{end.behavior.name} ends", end.data, NavState(), self.now
-        )
+        self.publish_step(end.behavior, end.status, end.text or f"{end.behavior.name} ends", end.data)
         self._recoveries.runner.drop(self.now)
         error = end.error
         if error is None:
@@ -493,11 +520,13 @@ class TreeServers:
             for layer in layers:
                 reset = layer.reset
                 cells += call(layer, lambda reset=reset: reset(square, invert=invert))
-        if self.goal is not None:
-            self.goal.statistics.recoveries.append(f"clear {costmap.name}")
+        name = f"clear {costmap.name}"
+        index = self._counted(name)
         # Nav2 updates the costmap in its own thread before the next plan; here the plan may follow at once
         call(costmap, costmap.update, self.now)
-        self._events.info(self.now, f"the behavior tree cleared {costmap.name}", cells_cleared=cells)
+        if index is not None:
+            text = f"the behavior tree cleared {costmap.name}"
+            self._publish_recovery((name, kind), BehaviorStatus.DONE, text, {"cells_cleared": cells}, index)
         return {"success": True}
 
     def _validate(self, request: Mapping[str, object]) -> dict[str, object]:
