@@ -388,6 +388,10 @@ class DockRobot(ServerAction):
     SERVER = "dock_robot"
     RESULTS = ("success", "num_retries")
 
+    def clear_results(self) -> None:
+        """Write that it has not docked."""
+        self.outputs["success"].set(False)
+
 
 @node(
     "UndockRobot", ports=(*inputs(dock_type="string", max_undocking_time=("double", "30.0")), *outputs(success="bool"))
@@ -397,6 +401,10 @@ class UndockRobot(ServerAction):
 
     SERVER = "undock_robot"
     RESULTS = ("success",)
+
+    def clear_results(self) -> None:
+        """Write that it is not undocked."""
+        self.outputs["success"].set(False)
 
 
 @node(

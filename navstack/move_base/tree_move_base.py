@@ -9,6 +9,7 @@ Source: nav2_bt_navigator (navigators/navigate_to_pose.cpp), nav2_controller (co
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Any, Final
 
 from navstack.behavior_trees import BehaviorTree, StampedPose, Status
@@ -23,7 +24,7 @@ from navstack.move_base.planning import PlanAnswer
 from navstack.move_base.plugin_calls import call, checked_flag
 from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.states import Mode, NavEvent, NavState, Outcome, Trigger
-from navstack.move_base.tree_servers import TreeServers
+from navstack.move_base.tree_servers import BehaviorServer, TreeServers
 from navstack.plugins import Behavior, BehaviorStatus
 
 TREE_FAILED: Final = "The behavior tree failed."
@@ -82,6 +83,9 @@ class TreeMoveBase(MoveBase):
     tree_source: str | os.PathLike[str] | None = None
     """What the tree was read from; None while the states of move_base drive."""
 
+    behavior_servers: Mapping[str, BehaviorServer] = {}
+    """Further servers of its trees, by name; set them before `use_tree`."""
+
     def use_states(self) -> None:
         """Let the states of move_base drive the next goals. Raises BusyError while a goal is driven."""
         self._check_idle()
@@ -106,6 +110,7 @@ class TreeMoveBase(MoveBase):
             output=self._output,
             events=self._events,
             recoveries=self._recoveries,
+            further=self.behavior_servers,
         )
         self.tree = BehaviorTree(source, servers=servers, distro=distro)
         self.tree_source, self._servers = source, servers
@@ -143,6 +148,8 @@ class TreeMoveBase(MoveBase):
         if not self._is_by_tree:
             super()._recover_or_control(now)
             return
+        if self._servers.is_moving:
+            self._servers.observe(self._output.tick.scans)
         if now >= self._cycles.due - EPSILON_S:
             self._cycles.advance(now)
             if not self._must_end(now) and self._goal is not None:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from navstack.core import (
     NoValidPathError,
     Path,
     Pose2D,
+    SensorData,
     Transform2D,
     Twist2D,
     footprint_cost,
@@ -72,6 +73,60 @@ _FOLLOW: Final = "follow_path"
 _TF_ERROR: Final = 2
 
 
+class BehaviorServer(Protocol):
+    """A further server of a tree, whose goals are behaviors: docking, which is above the goal manager."""
+
+    def observe(self, scans: Sequence[SensorData]) -> None:
+        """Take what the sensors have reported since the last tick, while a behavior of `make` runs."""
+        ...
+
+    def make(self, goal: Mapping[str, object]) -> Behavior:
+        """Return a behavior for a goal. Raises NavError."""
+        ...
+
+    def code_of(self, error: NavError) -> int:
+        """Return the code of Nav2's result for an error."""
+        ...
+
+    def result(self, behavior: Behavior) -> Mapping[str, object]:
+        """Return the values of Nav2's result after a behavior of `make` has succeeded."""
+        ...
+
+
+class _StandardServer:
+    """The server of one of Nav2's behaviors: its parameters are those of the configured behavior of the class."""
+
+    def __init__(self, name: str, recoveries: Recoveries) -> None:
+        self._name, self._recoveries = name, recoveries
+        self._class, self._model, self._first_code = _BEHAVIORS[name]
+
+    def observe(self, scans: Sequence[SensorData]) -> None:
+        """Do nothing: the behavior looks at the costmap."""
+
+    def make(self, goal: Mapping[str, object]) -> Behavior:
+        """Return the behavior with the values of the goal."""
+        configured: list[Any] = [b.params for b in self._recoveries.behaviors if type(b) is self._class]
+        known = configured[0] if configured else self._model()
+        given = {name: value for name, value in goal.items() if name in self._model.model_fields}
+        try:
+            return self._class(self._name, self._model.model_validate({**known.model_dump(), **given}))
+        except ValueError as exc:
+            text = str(exc).replace("\n", " ")
+            raise NavError(f"{self._name} cannot run with {dict(goal)}: {text:.300}") from None
+
+    def code_of(self, error: NavError) -> int:
+        """Return the error's own code if it is of this behavior."""
+        first = self._first_code
+        if first <= error.code < first + 10:
+            return error.code
+        return first + (_TF_ERROR if isinstance(error, FrameError) else 0)
+
+    def result(self, behavior: Behavior) -> Mapping[str, object]:
+        """Return nothing."""
+        del behavior
+        return {}
+
+
 @dataclass(slots=True)
 class _PlanJob:
     """A goal of the planner: the poses that are left, and the plans so far."""
@@ -97,7 +152,9 @@ class TreeServers:
         output: CommandOutput,
         events: EventPublisher,
         recoveries: Recoveries,
+        further: Mapping[str, BehaviorServer],
     ) -> None:
+        """`further` servers by name."""
         self.now = 0.0
         """Time of the cycle (s)."""
         self.goal: ActiveGoal | None = None
@@ -128,7 +185,9 @@ class TreeServers:
         self._job: _PlanJob | None = None
         self._moving: ActionTicket | None = None
         """The behavior that runs."""
-        self._moving_base = 700
+        self._movers: dict[str, BehaviorServer] = {name: _StandardServer(name, recoveries) for name in _BEHAVIORS}
+        self._movers |= further
+        self._moving_server: BehaviorServer | None = None
         self._is_recovery = False
         """True if the next goal or call is a recovery."""
         self._moving_as: int | None = None
@@ -150,9 +209,14 @@ class TreeServers:
         while self._velocities[0][0] < now - SMOOTHING_S:
             self._velocities.popleft()
         if self._moving is not None and self._recoveries.running is None:
-            self._end_moving(ActionState.ABORTED, self._moving_base, "the behavior was abandoned")
+            self._fail_moving(NavError("the behavior was abandoned"))
         if self._job is not None and not self._planning.is_busy:
             self._fail_job(self._job, NavError("the plan request was abandoned"))
+
+    def observe(self, scans: Sequence[SensorData]) -> None:
+        """Pass on what the sensors have reported since the last tick to the server whose behavior runs."""
+        if self._moving is not None and self._moving_server is not None:
+            self._moving_server.observe(scans)
 
     def forget(self) -> None:
         """Drop all goals: the tree has been halted and its goal ended."""
@@ -175,13 +239,13 @@ class TreeServers:
             self._start_plan(ticket, server, goal)
         elif server == _FOLLOW:
             self._start_following(ticket, goal.get("path"))
-        elif server in _BEHAVIORS:
+        elif server in self._movers:
             self._start_behavior(ticket, server, goal)
         else:
             self._events.warn(
                 self.now,
                 f'the behavior tree asks for the server "{server}", which navstack offers to no tree; '
-                "docking, routes and coverage are steps of a scenario (docs/concepts/behavior_trees.md)",
+                "routes and coverage are steps of a scenario (docs/concepts/behavior_trees.md)",
             )
             return None
         return ticket
@@ -212,7 +276,7 @@ class TreeServers:
             ticket = self.following
         elif server in _PLANNERS:
             ticket = self._job.ticket if self._job is not None else None
-        elif server in _BEHAVIORS:
+        elif server in self._movers:
             ticket = self._moving
         else:
             return False
@@ -434,18 +498,14 @@ class TreeServers:
         assert goal is not None
         if self._moving is not None:
             self.cancel(self._moving)
-        index = self._counted(server)
-        cls, model, base = _BEHAVIORS[server]
-        configured: list[Any] = [b.params for b in recoveries.behaviors if type(b) is cls]
+        index, mover = self._counted(server), self._movers[server]
         try:
-            known = configured[0] if configured else model()
-            given = {name: value for name, value in request.items() if name in model.model_fields}
-            behavior = cls(server, model.model_validate({**known.model_dump(), **given}))
-        except ValueError as exc:
-            text = str(exc).replace("\n", " ")
-            self.abort(ticket, base, NavError(f"{server} cannot run with {dict(request)}: {text:.300}"))
+            behavior = mover.make(request)
+        except NavError as exc:
+            goal.statistics.add_failure(exc, self.now)
+            self.abort(ticket, mover.code_of(exc), exc)
             return
-        self._moving, self._moving_base, self._moving_as = ticket, base, index
+        self._moving, self._moving_server, self._moving_as = ticket, mover, index
         end = recoveries.start(behavior, self.now)
         self.behavior_begins = end is None
         if end is not None:
@@ -454,7 +514,7 @@ class TreeServers:
     def publish_step(self, behavior: Behavior, status: BehaviorStatus, text: str, data: dict[str, Any]) -> None:
         """Publish a message of the behavior that runs: as a recovery if it is one."""
         if self._moving_as is None:
-            self._events.info(self.now, text, name=behavior.name, status=status.value, **data)
+            self._events.publish(self.now, "info", text, {**data, "name": behavior.name, "status": status.value})
         else:
             self._publish_recovery((behavior.name, type(behavior).__name__), status, text, data, self._moving_as)
 
@@ -468,24 +528,26 @@ class TreeServers:
         self.publish_step(end.behavior, end.status, end.text or f"{end.behavior.name} ends", end.data)
         self._recoveries.runner.drop(self.now)
         error = end.error
-        if error is None:
-            self._end_moving(ActionState.SUCCEEDED)
+        if error is not None:
+            if self.goal is not None:
+                self.goal.statistics.add_failure(error, self.now)
+            self._fail_moving(error)
             return
-        if self.goal is not None:
-            self.goal.statistics.add_failure(error, self.now)
-        base = self._moving_base
-        code = (
-            error.code if base <= error.code < base + 10 else base + (_TF_ERROR if isinstance(error, FrameError) else 0)
-        )
+        server = self._moving_server
+        self._end_moving(ActionState.SUCCEEDED, **(server.result(end.behavior) if server is not None else {}))
+
+    def _fail_moving(self, error: NavError) -> None:
+        server = self._moving_server
+        code = server.code_of(error) if server is not None else error.code
         self.errors[code] = error
         self.last_code = code
         self._end_moving(ActionState.ABORTED, code, error.message)
 
-    def _end_moving(self, state: ActionState, code: int = 0, message: str = "") -> None:
+    def _end_moving(self, state: ActionState, code: int = 0, message: str = "", **result: object) -> None:
         ticket, self._moving = self._moving, None
         self._output.stop_if_moving(self.now)
         if ticket is not None:
-            ticket.end(state, code, message)
+            ticket.end(state, code, message, **result)
 
     # --- costmaps -----------------------------------------------------------------------------------------------------
 
