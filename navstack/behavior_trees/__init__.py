@@ -6,6 +6,8 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.behavior_trees.actions import ServerAction as ServerAction
+    from navstack.behavior_trees.actions import ServiceAction as ServiceAction
     from navstack.behavior_trees.blackboard import Blackboard as Blackboard
     from navstack.behavior_trees.blackboard import Port as Port
     from navstack.behavior_trees.blackboard import StampedPose as StampedPose

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Final
 
-from navstack.behavior_trees import BehaviorTree, StampedPose, Status
+from navstack.behavior_trees import Action, BehaviorTree, StampedPose, Status
 from navstack.behaviors import BehaviorEnd
 from navstack.core import ControlError, NavError
 from navstack.move_base.active_goal import ActiveGoal
@@ -75,6 +76,13 @@ def _rebuild(message: str, data: dict[str, Any]) -> TreeFailedError:
     return TreeFailedError(message, **data)
 
 
+class MissingServerError(NavError):
+    """A behavior tree has nodes whose action server or service navstack does not offer."""
+
+    code = 9063
+    name = "MISSING_SERVER"
+
+
 class TreeMoveBase(MoveBase):
     """Drives a robot to one goal at a time, as its behavior tree says; until `use_tree`, as the states of move_base do."""
 
@@ -114,9 +122,23 @@ class TreeMoveBase(MoveBase):
         )
         self.tree = BehaviorTree(source, servers=servers, distro=distro)
         self.tree_source, self._servers = source, servers
+        self._warn_of_missing_servers()
         self._tree_error: NavError | None = None
         self._tree_planner = self._local_planner
         self._of_tree: ActiveGoal | None = None
+
+    def _warn_of_missing_servers(self) -> None:
+        """Say before the first goal which nodes will fail, because navstack has nothing for them to act on."""
+        lacking = [item for item in self.tree.nodes if isinstance(item, Action) and not self._servers.offers(item)]
+        if not lacking:
+            return
+        kinds = ", ".join(dict.fromkeys(item.type for item in lacking))
+        they = "this node fails" if len(lacking) == 1 else "these nodes fail"
+        text = (
+            f"the behavior tree {Path(self.tree.name).name} uses {kinds}, which navstack offers to no tree, so that {they}; "
+            "take it out of the tree, or let a Fallback go on without it"
+        )
+        self._events.warn(self.last_tick.time, text, MissingServerError(text, nodes=[item.path for item in lacking]))
 
     @property
     def _is_by_tree(self) -> bool:
@@ -222,8 +244,9 @@ class TreeMoveBase(MoveBase):
         where = f" (last: {leaf.path})" if leaf is not None else ""
         count = len(goal.statistics.recoveries)
         text = f"{TREE_FAILED[:-1]} after {count} {'recovery' if count == 1 else 'recoveries'}{where}"
-        if cause is not None:
-            text += f": {cause.message}"
+        reason = cause.message if cause is not None else leaf.message if leaf is not None else ""
+        if reason:
+            text += f": {reason}"
         return TreeFailedError(text, error_code=code, cause=None if cause is None else cause.as_dict())
 
     def _fail_tree(self, error: NavError, now: float) -> None:

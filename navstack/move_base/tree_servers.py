@@ -14,7 +14,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from navstack.behavior_trees import ActionState, ActionTicket, StampedPose
+from navstack.behavior_trees import Action, ActionState, ActionTicket, ServerAction, ServiceAction, StampedPose
 from navstack.behaviors import (
     AssistedTeleop,
     AssistedTeleopParams,
@@ -70,6 +70,10 @@ _BEHAVIORS: Final[dict[str, tuple[type[Behavior], type[Any], int]]] = {
 }
 """Servers of behaviors: class, parameters, first of their error codes."""
 _FOLLOW: Final = "follow_path"
+_VALIDATE: Final = ("ValidatePath", "IsPathValid")
+_OCCUPANCY: Final = ("CheckPoseOccupancy", "RemoveInCollisionGoals")
+_SERVICES: Final = frozenset({*_VALIDATE, *_OCCUPANCY})
+"""Services by the kinds of their nodes, besides those that clear costmaps."""
 _TF_ERROR: Final = 2
 
 
@@ -230,6 +234,12 @@ class TreeServers:
         """True while a behavior moves the robot."""
         return self._moving is not None
 
+    def offers(self, item: Action) -> bool:
+        """Return False for a node whose action server or service is none of these."""
+        if isinstance(item, ServerAction):
+            return item.server == _FOLLOW or item.server in _PLANNERS or item.server in self._movers
+        return not isinstance(item, ServiceAction) or item.type.startswith("Clear") or item.type in _SERVICES
+
     # --- Servers ------------------------------------------------------------------------------------------------------
 
     def send(self, server: str, goal: Mapping[str, object]) -> ActionTicket | None:
@@ -289,9 +299,9 @@ class TreeServers:
         try:
             if kind.startswith("Clear"):
                 return self._clear(service, kind, request)
-            if kind in ("ValidatePath", "IsPathValid"):
+            if kind in _VALIDATE:
                 return self._validate(request)
-            if kind in ("CheckPoseOccupancy", "RemoveInCollisionGoals"):
+            if kind in _OCCUPANCY:
                 return self._costs(request)
         except NavError as exc:
             self._events.warn(self.now, exc.message, exc)

@@ -211,3 +211,20 @@ def test_a_recovery_is_what_nav2_counts(node: str, counts: int) -> None:
     assert handle.status is GoalStatus.SUCCEEDED and handle.result is not None
     assert handle.result.recoveries == move_base.tree.blackboard["number_recoveries"] == counts
     assert len({event.data["index"] for event in listener.events if event.kind == "recovery"}) == counts
+
+
+def test_nodes_without_a_server_are_named_before_the_first_goal() -> None:
+    node = '<SmoothPath unsmoothed_path="{p}" smoothed_path="{q}"/>'
+    listener = Heard()
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="T"><Sequence><Wait/>{node}</Sequence></BehaviorTree></root>'
+    move_base, robot = build(text, listener)
+    (warning,) = [event for event in listener.events if event.kind == "warning"]
+    assert "uses SmoothPath, which navstack offers to no tree, so that this node fails" in warning.text
+    assert warning.data["code"] == 9063
+    handle = move_base.send_goal(OFFICE_2)
+    run(move_base, robot, handle)
+    assert handle.result is not None
+    assert 'the server "smooth_path" rejected the goal' in handle.result.message
+    listener.events.clear()
+    move_base.use_tree(find_tree(DEFAULT))
+    assert not listener.events
