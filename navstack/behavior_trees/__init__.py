@@ -6,6 +6,8 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.behavior_trees.actions import ServerAction as ServerAction
+    from navstack.behavior_trees.actions import ServiceAction as ServiceAction
     from navstack.behavior_trees.blackboard import Blackboard as Blackboard
     from navstack.behavior_trees.blackboard import Port as Port
     from navstack.behavior_trees.blackboard import StampedPose as StampedPose
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from navstack.behavior_trees.servers import ActionTicket as ActionTicket
     from navstack.behavior_trees.servers import NoServers as NoServers
     from navstack.behavior_trees.servers import Servers as Servers
-    from navstack.behavior_trees.trace import Recovery as Recovery
+    from navstack.behavior_trees.trace import Retry as Retry
     from navstack.behavior_trees.trace import Trace as Trace
     from navstack.behavior_trees.tree import NODES as NODES
     from navstack.behavior_trees.tree import BehaviorTree as BehaviorTree

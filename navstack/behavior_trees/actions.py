@@ -12,10 +12,10 @@ from typing import ClassVar, Final
 import numpy as np
 
 from navstack.behavior_trees.blackboard import Port, StampedPose, inputs, outputs
-from navstack.behavior_trees.conditions import TrackingFeedback, end_within
+from navstack.behavior_trees.conditions import NearestPose, TrackingFeedback, end_within
 from navstack.behavior_trees.nodes import FAILURE, IDLE, RUNNING, SUCCESS, Action, Status, node
 from navstack.behavior_trees.servers import ActionState, ActionTicket
-from navstack.core import Path, angle_between
+from navstack.core import Path
 
 NANO: Final = 1_000_000_000
 GOAL_REJECTED: Final = 1
@@ -127,9 +127,10 @@ class ServerAction(Action):
 
 
 def count_recovery(item: Action) -> None:
-    """Add 1 to the entry `number_recoveries`."""
+    """Add 1 to the entry `number_recoveries`, and tell the servers."""
     entry = item.entry("number_recoveries")
     entry.set((entry.value if isinstance(entry.value, int) else 0) + 1)
+    item.tree.servers.recovers()
 
 
 class _PathAction(ServerAction):
@@ -387,6 +388,10 @@ class DockRobot(ServerAction):
     SERVER = "dock_robot"
     RESULTS = ("success", "num_retries")
 
+    def clear_results(self) -> None:
+        """Write that it has not docked."""
+        self.outputs["success"].set(False)
+
 
 @node(
     "UndockRobot", ports=(*inputs(dock_type="string", max_undocking_time=("double", "30.0")), *outputs(success="bool"))
@@ -396,6 +401,10 @@ class UndockRobot(ServerAction):
 
     SERVER = "undock_robot"
     RESULTS = ("success",)
+
+    def clear_results(self) -> None:
+        """Write that it is not undocked."""
+        self.outputs["success"].set(False)
 
 
 @node(
@@ -783,20 +792,16 @@ class TruncatePath(Action):
 class TruncatePathLocal(Action):
     """Takes the part of a path around the robot, or around `pose`."""
 
-    __slots__ = ("begin", "path_now")
+    __slots__ = ("nearest",)
 
     def __init__(self) -> None:
         super().__init__()
-        self.begin = 0
-        self.path_now: Path | None = None
+        self.nearest = NearestPose()
 
     def tick(self) -> Status:
         """Find the nearest pose and cut."""
         found = self.get("input_path")
         path = found if isinstance(found, Path) else empty_path()
-        search = self.number("max_robot_pose_search_dist", math.inf)
-        if not math.isfinite(search) or path is not self.path_now:
-            self.path_now, self.begin = path, 0
         at = self.get("pose")
         pose = at if isinstance(at, StampedPose) else self.tree.robot_pose(path.frame, self.text("robot_base_frame"))
         if pose is None:
@@ -805,16 +810,9 @@ class TruncatePathLocal(Action):
             self.outputs["output_path"].set(path)
             return SUCCESS
         forward, backward = self.number("distance_forward", 8.0), self.number("distance_backward", 4.0)
-        end = max(end_within(path, self.begin, search), self.begin + 1)
-        near = path.poses[self.begin : end]
-        distances = np.hypot(near[:, 0] - pose.x, near[:, 1] - pose.y)
+        search = self.number("max_robot_pose_search_dist", math.inf)
         weight = self.number("angular_distance_weight")
-        if weight:
-            turns = np.array([angle_between(pose.yaw, float(yaw)) for yaw in near[:, 2]])
-            distances = np.hypot(distances, weight * turns)
-        nearest = self.begin + int(np.argmin(distances))
-        if math.isfinite(search):
-            self.begin = nearest
+        nearest = self.nearest.find(path, pose, search if math.isfinite(search) else None, weight)
         last = end_within(path, nearest, forward) if forward >= 0.0 else len(path)
         behind = Path(path.poses[: nearest + 1][::-1], path.frame)
         first = nearest + 1 - end_within(behind, 0, backward)

@@ -10,7 +10,7 @@ import numpy as np
 
 from navstack.behavior_trees.blackboard import Port, StampedPose, inputs
 from navstack.behavior_trees.nodes import FAILURE, IDLE, SUCCESS, Condition, GoalWatch, Status, node
-from navstack.core import Path
+from navstack.core import Path, angle_between
 
 NANO: Final = 1_000_000_000
 _FRAMES: Final = inputs(global_frame="string", robot_base_frame="string")
@@ -260,6 +260,33 @@ def end_within(path: Path, begin: int, distance: float) -> int:
     return begin + int(beyond[0]) + 1 if len(beyond) else len(path)
 
 
+class NearestPose:
+    """The pose of a path that is nearest to the robot. On the same path, a limited search begins at the pose found last."""
+
+    __slots__ = ("_begin", "_path")
+
+    def __init__(self) -> None:
+        self._begin = 0
+        self._path: Path | None = None
+
+    def find(self, path: Path, pose: StampedPose, search: float | None, angular_weight: float = 0.0) -> int:
+        """Return its index.
+
+        `search`: length of the path that is searched (m), None for the whole path; `angular_weight` (m/rad) of the difference
+        of the headings in the distance.
+        """
+        if search is None or path is not self._path:
+            self._path, self._begin = path, 0
+        end = len(path) if search is None else max(end_within(path, self._begin, search), self._begin + 1)
+        near = path.poses[self._begin : end]
+        distances = np.hypot(near[:, 0] - pose.x, near[:, 1] - pose.y)
+        if angular_weight:
+            turns = np.array([angle_between(pose.yaw, float(yaw)) for yaw in near[:, 2]])
+            distances = np.hypot(distances, angular_weight * turns)
+        self._begin += int(np.argmin(distances))
+        return self._begin
+
+
 @node(
     "IsGoalNearby",
     ports=(
@@ -270,12 +297,11 @@ def end_within(path: Path, begin: int, distance: float) -> int:
 class IsGoalNearby(Condition):
     """SUCCESS if the rest of the path, from its pose nearest to the robot, is shorter than `proximity_threshold` (m)."""
 
-    __slots__ = ("begin", "path_now")
+    __slots__ = ("nearest",)
 
     def __init__(self) -> None:
         super().__init__()
-        self.begin = 0
-        self.path_now: Path | None = None
+        self.nearest = NearestPose()
 
     def tick(self) -> Status:
         """Measure the rest of the path."""
@@ -283,15 +309,10 @@ class IsGoalNearby(Condition):
         if not isinstance(path, Path) or not len(path):
             return FAILURE
         search = self.number("max_robot_pose_search_dist", -1.0)
-        if search < 0.0 or path is not self.path_now:
-            self.path_now, self.begin = path, 0
         pose = self.tree.robot_pose(path.frame, self.text("robot_base_frame"))
         if pose is None:
             return FAILURE
-        end = end_within(path, self.begin, search) if search >= 0.0 else len(path)
-        near = path.poses[self.begin : max(end, self.begin + 1)]
-        self.begin += int(np.argmin(np.hypot(near[:, 0] - pose.x, near[:, 1] - pose.y)))
-        rest = path.poses[self.begin :]
+        rest = path.poses[self.nearest.find(path, pose, search if search >= 0.0 else None) :]
         length = float(np.hypot(np.diff(rest[:, 0]), np.diff(rest[:, 1])).sum())
         return _result(length < self.number("proximity_threshold", 1.0))
 

@@ -524,7 +524,7 @@ class RecoveryNode(Control):
                     return status
                 if self.retries >= allowed:
                     break
-                self.tree.trace.recovers(self, self.retries + 1, allowed)
+                self.tree.trace.retried(self, self.retries + 1, allowed)
                 self.halt_child(0)
                 self.at = 1
             else:

@@ -49,8 +49,8 @@ class Record(Protocol):
         """Note that the result of a node has changed."""
         ...
 
-    def recovers(self, item: Node, attempt: int, allowed: int) -> None:
-        """Note that a RecoveryNode recovers from the failure of its first child."""
+    def retried(self, item: Node, attempt: int, allowed: int) -> None:
+        """Note that a RecoveryNode runs its second child after the failure of the first one."""
         ...
 
 

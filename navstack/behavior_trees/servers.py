@@ -63,6 +63,10 @@ class Servers(Protocol):
         """Call a service of a `kind` (`ClearEntireCostmap`); None if there is no such service. `success` tells the result."""
         ...
 
+    def recovers(self) -> None:
+        """Note that the next goal or call is a recovery, as the entry `number_recoveries` counts them."""
+        ...
+
     def robot_pose(self, frame: str, base_frame: str) -> StampedPose | None:
         """Return the robot's pose in `frame` (empty: the global one); None if it is not known."""
         ...
@@ -107,6 +111,9 @@ class NoServers:
     def call(self, service: str, kind: str, request: Mapping[str, object]) -> Mapping[str, object] | None:
         """Return None: there is no service."""
         del service, kind, request
+
+    def recovers(self) -> None:
+        """Do nothing."""
 
     def robot_pose(self, frame: str, base_frame: str) -> StampedPose | None:
         """Return the origin."""

@@ -1,4 +1,4 @@
-"""What a tree did: how often each node ran, the last changes of their results, and why recoveries ran."""
+"""What a tree did: how often each node ran, the last changes of their results, and why RecoveryNodes tried again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Final, Protocol
 from navstack.behavior_trees.nodes import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Leaf, Node, Status
 
 MAX_CHANGES: Final = 2000
-MAX_RECOVERIES: Final = 200
+MAX_RETRIES: Final = 200
 NANO: Final = 1_000_000_000
 
 
@@ -38,8 +38,8 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Recovery:
-    """A RecoveryNode went to its second child."""
+class Retry:
+    """A RecoveryNode ran its second child because the first one had failed."""
 
     time: float
     """s."""
@@ -58,13 +58,13 @@ class Recovery:
 
     @property
     def reason(self) -> str:
-        """Why it recovered; the leaf is named relative to the RecoveryNode."""
+        """Why it did; the leaf is named relative to the RecoveryNode."""
         code = f" with code {self.code}" if self.code else ""
         why = f": {self.message:.120}" if self.message else ""
         return f"{self.cause.removeprefix(self.path + '/')} failed{code}{why}" if self.cause else "no leaf failed"
 
     def __str__(self) -> str:
-        return f"{self.time:.2f} s, {self.path} recovers ({self.attempt} of {self.allowed}): {self.reason}"
+        return f"{self.time:.2f} s, {self.path}, retry {self.attempt} of {self.allowed}: {self.reason}"
 
 
 class Trace:
@@ -73,16 +73,16 @@ class Trace:
     def __init__(self, tree: Traced) -> None:
         self._tree = tree
         self._changes: deque[tuple[int, int, Node, Status]] = deque(maxlen=MAX_CHANGES)
-        self._recoveries: deque[Recovery] = deque(maxlen=MAX_RECOVERIES)
-        self.recovery_count = 0
-        """Recoveries in all."""
+        self._retries: deque[Retry] = deque(maxlen=MAX_RETRIES)
+        self.retry_count = 0
+        """Retries in all."""
         self._first_tick = 0
 
     def clear(self) -> None:
         """Forget everything."""
         self._changes.clear()
-        self._recoveries.clear()
-        self.recovery_count = 0
+        self._retries.clear()
+        self.retry_count = 0
         self._first_tick = self._tree.ticks
         for item in self._tree.nodes:
             item.counts[:] = [0, 0, 0, 0, 0]
@@ -92,13 +92,13 @@ class Trace:
         tree = self._tree
         self._changes.append((tree.now_ns, tree.ticks, item, status))
 
-    def recovers(self, item: Node, attempt: int, allowed: int) -> None:
-        """Note that a RecoveryNode recovers from the failure of its first child."""
+    def retried(self, item: Node, attempt: int, allowed: int) -> None:
+        """Note that a RecoveryNode runs its second child after the failure of the first one."""
         leaf = self.cause_below(item.children[0])
-        self.recovery_count += 1
+        self.retry_count += 1
         tree = self._tree
-        self._recoveries.append(
-            Recovery(
+        self._retries.append(
+            Retry(
                 tree.now_ns / NANO,
                 tree.ticks,
                 item.path,
@@ -122,9 +122,9 @@ class Trace:
         return [Change(time / NANO, tick, item.path, status) for time, tick, item, status in self._changes]
 
     @property
-    def recoveries(self) -> list[Recovery]:
-        """The last recoveries, the oldest first."""
-        return list(self._recoveries)
+    def retries(self) -> list[Retry]:
+        """The last retries, the oldest first."""
+        return list(self._retries)
 
     def running(self) -> list[str]:
         """Return the paths of the leaves that run now."""
@@ -154,26 +154,26 @@ class Trace:
             yield f"{'  ' * level}{item.label}: {', '.join(parts) or 'never ran'}{last}{now}"
 
     def _grouped(self) -> Iterator[str]:
-        """Yield a line for all recoveries of one node for one reason."""
-        groups: dict[tuple[str, str], list[Recovery]] = {}
-        for recovery in self._recoveries:
-            groups.setdefault((recovery.path, recovery.reason), []).append(recovery)
+        """Yield a line for all retries of one node for one reason."""
+        groups: dict[tuple[str, str], list[Retry]] = {}
+        for retry in self._retries:
+            groups.setdefault((retry.path, retry.reason), []).append(retry)
         for (path, reason), found in groups.items():
             begin, end = found[0].time, found[-1].time
             when = f"{begin:.2f} s" if begin == end else f"{begin:.2f} to {end:.2f} s"
             times = "once" if len(found) == 1 else f"{len(found)} times"
-            yield f"  {path} recovers {times}, {when}: {reason}"
+            yield f"  {path} retries {times}, {when}: {reason}"
 
     def text(self, *, everything: bool = False) -> str:
-        """Return the trace as compact text: the result, the nodes that ran with their counts, the recoveries and their causes."""
+        """Return the trace as compact text: the result, the nodes that ran with their counts, the retries and their causes."""
         tree = self._tree
         ticks = tree.ticks - self._first_tick
         head = f"{Path(tree.name).name}: {tree.status.name} after {ticks} ticks, at {tree.now_ns / NANO:.2f} s"
         found = [head, *self.lines(everything=everything)]
-        if self.recovery_count:
-            shown = len(self._recoveries)
-            more = f", the last {shown}" if shown < self.recovery_count else ""
-            found += [f"recoveries ({self.recovery_count}{more}):", *self._grouped()]
+        if self.retry_count:
+            shown = len(self._retries)
+            more = f", the last {shown}" if shown < self.retry_count else ""
+            found += [f"retries ({self.retry_count}{more}):", *self._grouped()]
         return "\n".join(found)
 
     __str__ = text

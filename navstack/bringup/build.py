@@ -24,6 +24,7 @@ from navstack.core import (
     start_outside_map,
 )
 from navstack.costmap import LayeredCostmap, apply_reconfigure, check_reconfigure
+from navstack.docking import DockDatabase, docking_servers
 from navstack.global_planner import is_smoothed_by, smoothed, unsmoothed
 from navstack.localization import believed_start, make_filter, make_localizer
 from navstack.move_base import MoveBase, Planning, TreeMoveBase, call
@@ -113,8 +114,11 @@ def build_move_base(
         planning=planning,
         stopwatch=stopwatch,
     )
-    if behavior_tree is not None and isinstance(move_base, TreeMoveBase):
-        move_base.use_tree(find_tree(behavior_tree))
+    if isinstance(move_base, TreeMoveBase):
+        if configuration.docking is not None:
+            move_base.behavior_servers = docking_servers(move_base, lambda: DockDatabase.of(configuration))
+        if behavior_tree is not None:
+            move_base.use_tree(find_tree(behavior_tree))
     _set_lost(move_base, configuration)
     return move_base
 

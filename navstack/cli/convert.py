@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
@@ -128,27 +128,38 @@ def _verify(
     }
     task = CompareTask(sets, tuple(read_scenarios([], wanted.suite, wanted.scenarios)), wanted.seeds)
     code, report = BenchOutput(json_=json_).reported(task, processes=wanted.processes)
-    rows: list[dict[str, Any]] = list(report.document["measures"].rows)
-    runs: list[dict[str, Any]] = list(report.document["runs"])
-    failed = sum(run["A"]["success"] and not run["B"]["success"] for run in runs)
-    gained = sum(run["B"]["success"] and not run["A"]["success"] for run in runs)
-    # a rank test shows nothing with fewer than six scenarios; here a difference missed is worse than one too many
-    changed = [_change_of(row) for row in rows if row["difference"].excludes_zero]
-    if failed:
-        also = f", and succeeds in {gained} in which it fails" if gained else ""
-        print_note(f"the converted robot fails in {failed} of {len(runs)} drives in which the original succeeds{also}")
-    elif gained:
-        print_note(f"the converted robot succeeds in {gained} of {len(runs)} drives in which the original fails")
-    if changed:
-        print_note(f"the conversion changes the drive beyond the noise: {'; '.join(changed)}")
-    elif not failed and not gained:
-        few = len({run["scenario"] for run in runs}) < _FEW
-        hint = f"; with fewer than {_FEW} scenarios only large differences show, so give --count" if few else ""
-        print_note(f"no measure of the drive differs beyond the noise{hint}")
+    for note in verification_notes(report.document["runs"], report.document["measures"].rows):
+        print_note(note)
     return code
 
 
-def _change_of(row: dict[str, Any]) -> str:
+def verification_notes(runs: Sequence[Mapping[str, Any]], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what a comparison of the user's robot (A) with the converted one (B) shows.
+
+    `runs` have a scenario and for both robots whether they succeeded, `rows` are measures with their difference. A rank test
+    shows nothing with fewer than six scenarios; here a difference missed is worse than one too many, so intervals decide.
+    """
+    notes: list[str] = []
+    failed = sum(run["A"]["success"] and not run["B"]["success"] for run in runs)
+    gained = sum(run["B"]["success"] and not run["A"]["success"] for run in runs)
+    changed = [_change_of(row) for row in rows if row["difference"].excludes_zero]
+    if failed:
+        also = f", and succeeds in {gained} in which it fails" if gained else ""
+        notes.append(
+            f"the converted robot fails in {failed} of {len(runs)} drives in which the original succeeds{also}"
+        )
+    elif gained:
+        notes.append(f"the converted robot succeeds in {gained} of {len(runs)} drives in which the original fails")
+    if changed:
+        notes.append(f"the conversion changes the drive beyond the noise: {'; '.join(changed)}")
+    elif not failed and not gained:
+        few = len({run["scenario"] for run in runs}) < _FEW
+        hint = f"; with fewer than {_FEW} scenarios only large differences show, so give --count" if few else ""
+        notes.append(f"no measure of the drive differs beyond the noise{hint}")
+    return notes
+
+
+def _change_of(row: Mapping[str, Any]) -> str:
     """A measure with its difference and the interval."""
     difference = row["difference"].interval
     return f"{row['measure']} {row['a'].value:.3g} -> {row['b'].value:.3g} (by {difference.text(3)})"

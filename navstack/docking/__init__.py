@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from navstack.docking.task import DockTask as DockTask
     from navstack.docking.task import Undocking as Undocking
     from navstack.docking.task import docking_robot as docking_robot
+    from navstack.docking.tree import docking_servers as docking_servers
 else:
     from navstack._lazy import lazy_face
 

@@ -11,6 +11,7 @@ from navstack.docking.behavior import Approach, DockingLog, DockingState, DockSe
 from navstack.docking.database import Dock, DockDatabase
 from navstack.docking.errors import FailedToChargeError, FailedToStageError
 from navstack.move_base import BusyError, GoalCanceledError, GoalHandle, GoalResult, GoalStatus, MotionHandle, MoveBase
+from navstack.parameters import DockingParams
 from navstack.plugins import DockingRobot, DockType
 
 MAX_STAGING_TIME_S: Final = 1000.0
@@ -25,6 +26,20 @@ def docking_robot(robot: object) -> DockingRobot | None:
     """Return the robot behind a command chain, if it has detections of docks and a battery."""
     robot = getattr(robot, "robot", robot)
     return robot if isinstance(robot, DockingRobot) else None
+
+
+def is_staged(here: Pose2D, staging: Pose2D, params: DockingParams) -> bool:
+    """Return True if a robot is within dock_prestaging_tolerance of the staging pose and looks as it should."""
+    near = here.distance_to(staging) <= params.dock_prestaging_tolerance
+    return near and abs(angle_between(here.yaw, staging.yaw)) <= PRESTAGING_RAD
+
+
+def undocked_dock(move_base: MoveBase, database: DockDatabase, dock_type: str) -> Dock:
+    """Return a dock at the robot's pose, of this type, or of that of the nearest dock; with its name."""
+    here = move_base.global_costmap.robot_pose(move_base.last_tick.time)
+    nearest = min(database.docks.values(), key=lambda one: here.distance_to(one.pose), default=None)
+    name = dock_type or (nearest.type if nearest is not None else "")
+    return Dock(nearest.name if nearest is not None else "dock", name, here, move_base.global_costmap.frame)
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,9 +290,7 @@ class Docking(DockTask):
             self.end(GoalStatus.ABORTED, exc.message, exc)
             self._publish()
             return
-        near = here.distance_to(staging) <= self.params.dock_prestaging_tolerance
-        faces = abs(angle_between(here.yaw, staging.yaw)) <= PRESTAGING_RAD
-        if self._navigates and not (near and faces):
+        if self._navigates and not is_staged(here, staging, self.params):
             self.stage(staging, self._limit)
         else:
             self.staged()
@@ -324,12 +337,8 @@ class Undocking(DockTask):
         max_undocking_time_s: float = MAX_UNDOCKING_TIME_S,
     ) -> None:
         """`dock_type`: name of the type, none for that of the nearest dock. Raises DockNotValidError."""
-        now = move_base.last_tick.time
-        here = move_base.global_costmap.robot_pose(now)
-        nearest = min(database.docks.values(), key=lambda one: here.distance_to(one.pose), default=None)
-        name = dock_type or (nearest.type if nearest is not None else "")
-        dock = Dock(nearest.name if nearest is not None else "dock", name, here, move_base.global_costmap.frame)
-        super().__init__(move_base, database, dock, database.type_named(name), "undock")
+        dock = undocked_dock(move_base, database, dock_type)
+        super().__init__(move_base, database, dock, database.type_named(dock.type), "undock")
         self._limit = max_undocking_time_s
 
     def start(self) -> None:

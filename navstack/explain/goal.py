@@ -47,9 +47,9 @@ class RecoveryRun:
     type: str
     """Class of the plugin; empty in old records."""
     number: int
-    """Position in the list of recovery behaviors, from 1."""
+    """Position in the list of recovery behaviors, or among those of the goal that its behavior tree ran; from 1."""
     total: int
-    """Length of that list."""
+    """Length of the list; 0 with a behavior tree."""
     trigger: str
     """PLANNING_R, CONTROLLING_R, OSCILLATION_R or LOST_R."""
     begin: float
@@ -244,7 +244,7 @@ def recovery_runs(events: Iterable[Event], ended: float) -> tuple[RecoveryRun, .
             running = None
         if event.kind != "recovery":
             continue
-        if running is None:
+        if running is None or running.name != event.data["name"]:
             running = _begun(event, ended)
             found.append(running)
         _update(running, event)
@@ -273,6 +273,8 @@ def _update(recovery: RecoveryRun, event: Event) -> None:
     cells = event.data.get("cells_cleared")
     if isinstance(cells, dict):
         recovery.cleared = sum(n for by_layer in cells.values() for n in by_layer.values())
+    elif isinstance(cells, int):
+        recovery.cleared = cells
 
 
 def failures(events: Iterable[Event], kind: str) -> tuple[tuple[float, str], ...]:
@@ -635,7 +637,7 @@ def _cancels(events: Iterable[Event]) -> list[TimelineEntry]:
 
 
 def _recovery(record: Record, recovery: RecoveryRun) -> TimelineEntry:
-    what = f"recovery {recovery.number} of {recovery.total}, {recovery.name}"
+    what = f"recovery {recovery.number}{f' of {recovery.total}' if recovery.total else ''}, {recovery.name}"
     if recovery.type:
         what += f" ({recovery.type})"
     text = f"{what}: {_recovery_outcome(recovery)}"

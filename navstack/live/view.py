@@ -288,7 +288,7 @@ class TreeView:
                 for item in tree.nodes
                 if isinstance(item, (Action, Condition)) and item.last is Status.FAILURE and item.message
             },
-            "recoveries": tree.trace.recovery_count,
+            "recoveries": tree.blackboard.get("number_recoveries") or 0,
         }
         if found == self._sent:
             return None

@@ -223,7 +223,7 @@ class DWAParams(ParamModel):
             yield from checks.cannot_start(
                 context, self.acc_lim_x, self.acc_lim_theta, self.min_vel_trans, self.min_vel_theta
             )
-        yield from checks.stopping_time(self.acc_lim_x, fastest, self.sim_time)
+        yield from checks.stopping_time(context, checks.Limit("acc_lim_x", self.acc_lim_x), fastest, self.sim_time)
         yield from checks.coarse_simulation(context, self.sim_granularity, self.sim_time, self.acc_lim_x, fastest)
         yield from checks.minimum_over_maximum(
             [
@@ -237,11 +237,11 @@ class DWAParams(ParamModel):
         yield from checks.min_vel_trans_zero(self.min_vel_trans, self.min_vel_theta)
         yield from checks.goal_tolerances(context, self.xy_goal_tolerance, self.yaw_goal_tolerance, self.min_vel_theta)
 
-    def _fastest(self) -> checks.Speed:
+    def _fastest(self) -> checks.Limit:
         """Return the highest forward speed: a sample above max_vel_trans is rejected, whatever max_vel_x allows."""
         return min(
-            checks.Speed("max_vel_x", self.max_vel_x),
-            checks.Speed("max_vel_trans", self.max_vel_trans),
+            checks.Limit("max_vel_x", self.max_vel_x),
+            checks.Limit("max_vel_trans", self.max_vel_trans),
             key=lambda speed: speed.value,
         )
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from navstack.plugins import CheckContext, Issue
 
 
-class Speed(NamedTuple):
-    """The highest forward speed of a planner (m/s) and the parameter that sets it."""
+class Limit(NamedTuple):
+    """A parameter of a planner and its value: the highest forward speed (m/s), the deceleration (m/s²)."""
 
     parameter: str
     value: float
@@ -23,7 +23,7 @@ MAX_HORIZONS = 3.0
 
 
 def window_too_small(
-    context: CheckContext, sim_time: float, fastest: Speed, forward_point_distance: float = 0.0
+    context: CheckContext, sim_time: float, fastest: Limit, forward_point_distance: float = 0.0
 ) -> Iterator[Issue]:
     """Trajectories that leave the local costmap are rejected."""
     costmap = context.local_costmap
@@ -40,7 +40,7 @@ def window_too_small(
     yield Issue("warning", "window-too-small", ("/local_costmap/width", "/local_costmap/height"), message)
 
 
-def updates_too_slow(context: CheckContext, fastest: Speed) -> Iterator[Issue]:
+def updates_too_slow(context: CheckContext, fastest: Limit) -> Iterator[Issue]:
     """Between two updates of the local costmap the robot drives on old obstacles."""
     costmap = context.local_costmap
     rate, control = costmap.update_frequency, context.controller_frequency
@@ -55,20 +55,28 @@ def updates_too_slow(context: CheckContext, fastest: Speed) -> Iterator[Issue]:
     yield Issue("warning", "updates-too-slow", ("/local_costmap/update_frequency",), message, f"{control:g}")
 
 
-def stopping_time(acc_lim_x: float, fastest: Speed, sim_time: float) -> Iterator[Issue]:
-    """A robot that cannot stop within its horizon cannot avoid obstacles at the end of it."""
-    name, speed = fastest
-    if acc_lim_x > 0.0 and speed > 0.0 and speed / acc_lim_x > sim_time:
+def stopping_time(context: CheckContext, deceleration: Limit, fastest: Limit, sim_time: float) -> Iterator[Issue]:
+    """A robot that cannot stop within its horizon cannot avoid obstacles at the end of it.
+
+    It drives toward an obstacle with the speed that reaches it at the end of the horizon, so that it brakes by speed / sim_time;
+    it does so a control period late.
+    """
+    (name, speed), (limit, acceleration) = fastest, deceleration
+    if acceleration <= 0.0 or speed <= 0.0:
+        return
+    period = 1.0 / context.controller_frequency
+    least = speed / acceleration + period
+    if least > sim_time:
         message = (
-            f"the robot needs {speed / acc_lim_x:.3g} s to stop from {name} {speed:g} m/s (acc_lim_x {acc_lim_x:g} m/s²), "
-            f"longer than sim_time {sim_time:g} s, so it cannot stop for obstacles within its horizon; raise sim_time or "
-            f"lower {name}"
+            f"the robot needs {speed / acceleration:.3g} s to stop from {name} {speed:g} m/s ({limit} {acceleration:g} m/s²), "
+            f"after the {period:.3g} s of a control period; that is longer than sim_time {sim_time:g} s, so it cannot stop for "
+            f"obstacles within its horizon; raise sim_time to {math.ceil(10.0 * least) / 10.0:g} or lower {name}"
         )
-        yield Issue("warning", "stopping-time", ("sim_time", "acc_lim_x"), message)
+        yield Issue("warning", "stopping-time", ("sim_time", limit), message)
 
 
 def coarse_simulation(
-    context: CheckContext, sim_granularity: float, sim_time: float, acc_lim_x: float, fastest: Speed
+    context: CheckContext, sim_granularity: float, sim_time: float, acc_lim_x: float, fastest: Limit
 ) -> Iterator[Issue]:
     """A trajectory no longer than sim_granularity has one point, where the robot stands: what is ahead is not checked."""
     speed = min(sim_granularity / sim_time, fastest.value)

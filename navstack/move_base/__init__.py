@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from navstack.move_base.states import document_markdown as document_markdown
     from navstack.move_base.tree_move_base import TreeFailedError as TreeFailedError
     from navstack.move_base.tree_move_base import TreeMoveBase as TreeMoveBase
+    from navstack.move_base.tree_servers import BehaviorServer as BehaviorServer
     from navstack.move_base.tree_servers import pose_cost as pose_cost
     from navstack.parameters import MoveBaseParams as MoveBaseParams
     from navstack.parameters import builtin_recoveries as builtin_recoveries

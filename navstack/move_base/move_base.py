@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from navstack.behaviors import BehaviorEnd
 from navstack.core import (
@@ -65,6 +65,7 @@ from navstack.parameters import MoveBaseParams
 from navstack.plugins import (
     Behavior,
     BehaviorContext,
+    BehaviorStatus,
     CommandLimits,
     ControlInput,
     CostmapServer,
@@ -775,13 +776,18 @@ class MoveBase:
         self._output.send(step.twist, now)
         if step.text or now == recoveries.runner.started_at:
             text = step.text or f"{behavior.name} starts"
-            recoveries.publish(behavior, step.status, text, step.data, self._state, now)
+            self._publish_recovery(behavior, step.status, text, step.data, now)
+
+    def _publish_recovery(
+        self, behavior: Behavior, status: BehaviorStatus, text: str, data: dict[str, Any], now: float
+    ) -> None:
+        self._recoveries.publish(behavior, status, text, data, self._state, now)
 
     def _end_recovery(self, end: BehaviorEnd, now: float) -> None:
         recoveries, behavior = self._recoveries, end.behavior
         if end.error is not None and self._goal is not None:
             self._goal.statistics.add_failure(end.error, now)
-        recoveries.publish(behavior, end.status, end.text or f"{behavior.name} ends", end.data, self._state, now)
+        self._publish_recovery(behavior, end.status, end.text or f"{behavior.name} ends", end.data, now)
         recoveries.follow(behavior)
         started_at = recoveries.runner.started_at
         self._apply(NavEvent.RECOVERY_ENDED, now)

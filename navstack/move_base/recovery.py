@@ -12,7 +12,7 @@ from navstack.move_base.errors import RecoveryTimeoutError
 from navstack.move_base.events import EventPublisher
 from navstack.move_base.plugin_calls import call, checked_flag
 from navstack.move_base.schedule import EPSILON_S, Schedule
-from navstack.move_base.states import NavState
+from navstack.move_base.states import NavState, Trigger
 from navstack.plugins import Behavior, BehaviorContext, BehaviorStatus
 
 MAX_ROUNDS: Final = 3
@@ -112,14 +112,28 @@ class Recoveries:
         now: float,
     ) -> None:
         """Publish the start, a message or the end of a behavior."""
+        names = (behavior.name, type(behavior).__name__)
+        self.publish_named(names, status, text, data, (state.recovery_index, len(self.behaviors)), state.trigger, now)
+
+    def publish_named(
+        self,
+        names: tuple[str, str],
+        status: BehaviorStatus,
+        text: str,
+        data: dict[str, Any],
+        position: tuple[int, int],
+        trigger: Trigger,
+        now: float,
+    ) -> None:
+        """Publish the same of a recovery with this name and type, at its index in a list of this length (0: no list)."""
         if not self._events.listeners:
             return
         common: dict[str, Any] = {
-            "name": behavior.name,
-            "type": type(behavior).__name__,
-            "index": state.recovery_index,
-            "total": len(self.behaviors),
+            "name": names[0],
+            "type": names[1],
+            "index": position[0],
+            "total": position[1],
             "status": status.value,
-            "trigger": state.trigger.name,
+            "trigger": trigger.name,
         }
         self._events.publish(now, "recovery", text, {**data, **common})

@@ -9,9 +9,11 @@ Source: nav2_bt_navigator (navigators/navigate_to_pose.cpp), nav2_controller (co
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Final
 
-from navstack.behavior_trees import BehaviorTree, StampedPose, Status
+from navstack.behavior_trees import Action, BehaviorTree, StampedPose, Status
 from navstack.behaviors import BehaviorEnd
 from navstack.core import ControlError, NavError
 from navstack.move_base.active_goal import ActiveGoal
@@ -23,7 +25,8 @@ from navstack.move_base.planning import PlanAnswer
 from navstack.move_base.plugin_calls import call, checked_flag
 from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.states import Mode, NavEvent, NavState, Outcome, Trigger
-from navstack.move_base.tree_servers import TreeServers
+from navstack.move_base.tree_servers import BehaviorServer, TreeServers
+from navstack.plugins import Behavior, BehaviorStatus
 
 TREE_FAILED: Final = "The behavior tree failed."
 """Text of a goal that ends by a FAILURE of the tree."""
@@ -73,6 +76,13 @@ def _rebuild(message: str, data: dict[str, Any]) -> TreeFailedError:
     return TreeFailedError(message, **data)
 
 
+class MissingServerError(NavError):
+    """A behavior tree has nodes whose action server or service navstack does not offer."""
+
+    code = 9063
+    name = "MISSING_SERVER"
+
+
 class TreeMoveBase(MoveBase):
     """Drives a robot to one goal at a time, as its behavior tree says; until `use_tree`, as the states of move_base do."""
 
@@ -80,6 +90,9 @@ class TreeMoveBase(MoveBase):
     """The tree; its `explain` tells what it did for the last goal."""
     tree_source: str | os.PathLike[str] | None = None
     """What the tree was read from; None while the states of move_base drive."""
+
+    behavior_servers: Mapping[str, BehaviorServer] = {}
+    """Further servers of its trees, by name; set them before `use_tree`."""
 
     def use_states(self) -> None:
         """Let the states of move_base drive the next goals. Raises BusyError while a goal is driven."""
@@ -105,12 +118,27 @@ class TreeMoveBase(MoveBase):
             output=self._output,
             events=self._events,
             recoveries=self._recoveries,
+            further=self.behavior_servers,
         )
         self.tree = BehaviorTree(source, servers=servers, distro=distro)
         self.tree_source, self._servers = source, servers
+        self._warn_of_missing_servers()
         self._tree_error: NavError | None = None
         self._tree_planner = self._local_planner
         self._of_tree: ActiveGoal | None = None
+
+    def _warn_of_missing_servers(self) -> None:
+        """Say before the first goal which nodes will fail, because navstack has nothing for them to act on."""
+        lacking = [item for item in self.tree.nodes if isinstance(item, Action) and not self._servers.offers(item)]
+        if not lacking:
+            return
+        kinds = ", ".join(dict.fromkeys(item.type for item in lacking))
+        they = "this node fails" if len(lacking) == 1 else "these nodes fail"
+        text = (
+            f"the behavior tree {Path(self.tree.name).name} uses {kinds}, which navstack offers to no tree, so that {they}; "
+            "take it out of the tree, or let a Fallback go on without it"
+        )
+        self._events.warn(self.last_tick.time, text, MissingServerError(text, nodes=[item.path for item in lacking]))
 
     @property
     def _is_by_tree(self) -> bool:
@@ -142,6 +170,8 @@ class TreeMoveBase(MoveBase):
         if not self._is_by_tree:
             super()._recover_or_control(now)
             return
+        if self._servers.is_moving:
+            self._servers.observe(self._output.tick.scans)
         if now >= self._cycles.due - EPSILON_S:
             self._cycles.advance(now)
             if not self._must_end(now) and self._goal is not None:
@@ -193,10 +223,10 @@ class TreeMoveBase(MoveBase):
         sent, tree = goal.handle.goal, self.tree
         if self._of_tree is None:
             tree.trace.clear()
-            tree.blackboard["number_recoveries"] = 0
         self._of_tree = goal
         x, y, yaw = sent.pose
         pose = StampedPose(x, y, yaw, sent.frame, self._servers.now)
+        tree.blackboard["number_recoveries"] = 0
         tree.blackboard["goal"] = pose
         tree.blackboard["goals"] = [pose]
 
@@ -214,8 +244,9 @@ class TreeMoveBase(MoveBase):
         where = f" (last: {leaf.path})" if leaf is not None else ""
         count = len(goal.statistics.recoveries)
         text = f"{TREE_FAILED[:-1]} after {count} {'recovery' if count == 1 else 'recoveries'}{where}"
-        if cause is not None:
-            text += f": {cause.message}"
+        reason = cause.message if cause is not None else leaf.message if leaf is not None else ""
+        if reason:
+            text += f": {reason}"
         return TreeFailedError(text, error_code=code, cause=None if cause is None else cause.as_dict())
 
     def _fail_tree(self, error: NavError, now: float) -> None:
@@ -231,7 +262,7 @@ class TreeMoveBase(MoveBase):
         goal, tree, error = self._goal, self.tree, self._tree_error
         self._tree_error = None
         text = tree.explain() if self._of_tree is not None else ""
-        recoveries = [str(recovery) for recovery in tree.trace.recoveries]
+        retries = [str(retry) for retry in tree.trace.retries]
         if self._of_tree is not None:
             try:
                 tree.halt()
@@ -242,7 +273,7 @@ class TreeMoveBase(MoveBase):
         self._servers.forget()
         self._of_tree = None
         if goal is not None and text:
-            self._events.info(now, text, tree=tree.name, recoveries=recoveries)
+            self._events.info(now, text, tree=tree.name, retries=retries)
         if goal is None or error is None:
             super()._finish_goal(outcome, now)
             return
@@ -344,6 +375,14 @@ class TreeMoveBase(MoveBase):
             self._end_recovery(end, now)
         else:
             self._step_recovery(behavior, now)
+
+    def _publish_recovery(
+        self, behavior: Behavior, status: BehaviorStatus, text: str, data: dict[str, Any], now: float
+    ) -> None:
+        if self._is_by_tree:
+            self._servers.publish_step(behavior, status, text, data)
+        else:
+            super()._publish_recovery(behavior, status, text, data, now)
 
     def _end_recovery(self, end: BehaviorEnd, now: float) -> None:
         if not self._is_by_tree:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
-from navstack.behavior_trees import ActionState, ActionTicket, StampedPose
+from navstack.behavior_trees import Action, ActionState, ActionTicket, ServerAction, ServiceAction, StampedPose
 from navstack.behaviors import (
     AssistedTeleop,
     AssistedTeleopParams,
@@ -37,6 +37,7 @@ from navstack.core import (
     NoValidPathError,
     Path,
     Pose2D,
+    SensorData,
     Transform2D,
     Twist2D,
     footprint_cost,
@@ -50,7 +51,7 @@ from navstack.move_base.planning import PlanAnswer, Planning, PlanRequest
 from navstack.move_base.plugin_calls import call, checked_pose, checked_state, lookup_transform
 from navstack.move_base.recovery import Recoveries
 from navstack.move_base.states import NavState
-from navstack.plugins import Behavior, CostmapServer, GlobalPlanner, LocalPlanner, Plan, Robot
+from navstack.plugins import Behavior, BehaviorStatus, CostmapServer, GlobalPlanner, LocalPlanner, Plan, Robot
 
 SMOOTHING_S: Final = 0.3
 """Odometry of this time (s) is averaged, as with bt_navigator's `filter_duration`."""
@@ -69,7 +70,65 @@ _BEHAVIORS: Final[dict[str, tuple[type[Behavior], type[Any], int]]] = {
 }
 """Servers of behaviors: class, parameters, first of their error codes."""
 _FOLLOW: Final = "follow_path"
+_VALIDATE: Final = ("ValidatePath", "IsPathValid")
+_OCCUPANCY: Final = ("CheckPoseOccupancy", "RemoveInCollisionGoals")
+_SERVICES: Final = frozenset({*_VALIDATE, *_OCCUPANCY})
+"""Services by the kinds of their nodes, besides those that clear costmaps."""
 _TF_ERROR: Final = 2
+
+
+class BehaviorServer(Protocol):
+    """A further server of a tree, whose goals are behaviors: docking, which is above the goal manager."""
+
+    def observe(self, scans: Sequence[SensorData]) -> None:
+        """Take what the sensors have reported since the last tick, while a behavior of `make` runs."""
+        ...
+
+    def make(self, goal: Mapping[str, object]) -> Behavior:
+        """Return a behavior for a goal. Raises NavError."""
+        ...
+
+    def code_of(self, error: NavError) -> int:
+        """Return the code of Nav2's result for an error."""
+        ...
+
+    def result(self, behavior: Behavior) -> Mapping[str, object]:
+        """Return the values of Nav2's result after a behavior of `make` has succeeded."""
+        ...
+
+
+class _StandardServer:
+    """The server of one of Nav2's behaviors: its parameters are those of the configured behavior of the class."""
+
+    def __init__(self, name: str, recoveries: Recoveries) -> None:
+        self._name, self._recoveries = name, recoveries
+        self._class, self._model, self._first_code = _BEHAVIORS[name]
+
+    def observe(self, scans: Sequence[SensorData]) -> None:
+        """Do nothing: the behavior looks at the costmap."""
+
+    def make(self, goal: Mapping[str, object]) -> Behavior:
+        """Return the behavior with the values of the goal."""
+        configured: list[Any] = [b.params for b in self._recoveries.behaviors if type(b) is self._class]
+        known = configured[0] if configured else self._model()
+        given = {name: value for name, value in goal.items() if name in self._model.model_fields}
+        try:
+            return self._class(self._name, self._model.model_validate({**known.model_dump(), **given}))
+        except ValueError as exc:
+            text = str(exc).replace("\n", " ")
+            raise NavError(f"{self._name} cannot run with {dict(goal)}: {text:.300}") from None
+
+    def code_of(self, error: NavError) -> int:
+        """Return the error's own code if it is of this behavior."""
+        first = self._first_code
+        if first <= error.code < first + 10:
+            return error.code
+        return first + (_TF_ERROR if isinstance(error, FrameError) else 0)
+
+    def result(self, behavior: Behavior) -> Mapping[str, object]:
+        """Return nothing."""
+        del behavior
+        return {}
 
 
 @dataclass(slots=True)
@@ -97,7 +156,9 @@ class TreeServers:
         output: CommandOutput,
         events: EventPublisher,
         recoveries: Recoveries,
+        further: Mapping[str, BehaviorServer],
     ) -> None:
+        """`further` servers by name."""
         self.now = 0.0
         """Time of the cycle (s)."""
         self.goal: ActiveGoal | None = None
@@ -128,7 +189,13 @@ class TreeServers:
         self._job: _PlanJob | None = None
         self._moving: ActionTicket | None = None
         """The behavior that runs."""
-        self._moving_base = 700
+        self._movers: dict[str, BehaviorServer] = {name: _StandardServer(name, recoveries) for name in _BEHAVIORS}
+        self._movers |= further
+        self._moving_server: BehaviorServer | None = None
+        self._is_recovery = False
+        """True if the next goal or call is a recovery."""
+        self._moving_as: int | None = None
+        """Index of the behavior that runs among the recoveries of the goal; None if it is none."""
         self._velocities: deque[tuple[float, Twist2D]] = deque()
         self._pose_at = -math.inf
         self._pose: Pose2D | None = None
@@ -146,9 +213,14 @@ class TreeServers:
         while self._velocities[0][0] < now - SMOOTHING_S:
             self._velocities.popleft()
         if self._moving is not None and self._recoveries.running is None:
-            self._end_moving(ActionState.ABORTED, self._moving_base, "the behavior was abandoned")
+            self._fail_moving(NavError("the behavior was abandoned"))
         if self._job is not None and not self._planning.is_busy:
             self._fail_job(self._job, NavError("the plan request was abandoned"))
+
+    def observe(self, scans: Sequence[SensorData]) -> None:
+        """Pass on what the sensors have reported since the last tick to the server whose behavior runs."""
+        if self._moving is not None and self._moving_server is not None:
+            self._moving_server.observe(scans)
 
     def forget(self) -> None:
         """Drop all goals: the tree has been halted and its goal ended."""
@@ -162,6 +234,12 @@ class TreeServers:
         """True while a behavior moves the robot."""
         return self._moving is not None
 
+    def offers(self, item: Action) -> bool:
+        """Return False for a node whose action server or service is none of these."""
+        if isinstance(item, ServerAction):
+            return item.server == _FOLLOW or item.server in _PLANNERS or item.server in self._movers
+        return not isinstance(item, ServiceAction) or item.type.startswith("Clear") or item.type in _SERVICES
+
     # --- Servers ------------------------------------------------------------------------------------------------------
 
     def send(self, server: str, goal: Mapping[str, object]) -> ActionTicket | None:
@@ -171,13 +249,13 @@ class TreeServers:
             self._start_plan(ticket, server, goal)
         elif server == _FOLLOW:
             self._start_following(ticket, goal.get("path"))
-        elif server in _BEHAVIORS:
+        elif server in self._movers:
             self._start_behavior(ticket, server, goal)
         else:
             self._events.warn(
                 self.now,
                 f'the behavior tree asks for the server "{server}", which navstack offers to no tree; '
-                "docking, routes and coverage are steps of a scenario (docs/concepts/behavior_trees.md)",
+                "routes and coverage are steps of a scenario (docs/concepts/behavior_trees.md)",
             )
             return None
         return ticket
@@ -208,7 +286,7 @@ class TreeServers:
             ticket = self.following
         elif server in _PLANNERS:
             ticket = self._job.ticket if self._job is not None else None
-        elif server in _BEHAVIORS:
+        elif server in self._movers:
             ticket = self._moving
         else:
             return False
@@ -221,14 +299,27 @@ class TreeServers:
         try:
             if kind.startswith("Clear"):
                 return self._clear(service, kind, request)
-            if kind in ("ValidatePath", "IsPathValid"):
+            if kind in _VALIDATE:
                 return self._validate(request)
-            if kind in ("CheckPoseOccupancy", "RemoveInCollisionGoals"):
+            if kind in _OCCUPANCY:
                 return self._costs(request)
         except NavError as exc:
             self._events.warn(self.now, exc.message, exc)
             return {"success": False, "message": exc.message}
         return None
+
+    def recovers(self) -> None:
+        """Count the next goal or call as a recovery of the goal."""
+        self._is_recovery = True
+
+    def _counted(self, name: str) -> int | None:
+        """Return the index of a goal or call among the recoveries of the goal, of which it becomes one; None if it is none."""
+        is_recovery, self._is_recovery = self._is_recovery, False
+        if not is_recovery or self.goal is None:
+            return None
+        recoveries = self.goal.statistics.recoveries
+        recoveries.append(name)
+        return len(recoveries) - 1
 
     def robot_pose(self, frame: str, base_frame: str) -> StampedPose | None:
         """Return the robot's pose."""
@@ -417,48 +508,56 @@ class TreeServers:
         assert goal is not None
         if self._moving is not None:
             self.cancel(self._moving)
-        cls, model, base = _BEHAVIORS[server]
-        configured: list[Any] = [b.params for b in recoveries.behaviors if type(b) is cls]
+        index, mover = self._counted(server), self._movers[server]
         try:
-            known = configured[0] if configured else model()
-            given = {name: value for name, value in request.items() if name in model.model_fields}
-            behavior = cls(server, model.model_validate({**known.model_dump(), **given}))
-        except ValueError as exc:
-            text = str(exc).replace("\n", " ")
-            self.abort(ticket, base, NavError(f"{server} cannot run with {dict(request)}: {text:.300}"))
+            behavior = mover.make(request)
+        except NavError as exc:
+            goal.statistics.add_failure(exc, self.now)
+            self.abort(ticket, mover.code_of(exc), exc)
             return
-        self._moving, self._moving_base = ticket, base
-        goal.statistics.recoveries.append(server)
+        self._moving, self._moving_server, self._moving_as = ticket, mover, index
         end = recoveries.start(behavior, self.now)
         self.behavior_begins = end is None
         if end is not None:
             self.end_behavior(end)
 
+    def publish_step(self, behavior: Behavior, status: BehaviorStatus, text: str, data: dict[str, Any]) -> None:
+        """Publish a message of the behavior that runs: as a recovery if it is one."""
+        if self._moving_as is None:
+            self._events.publish(self.now, "info", text, {**data, "name": behavior.name, "status": status.value})
+        else:
+            self._publish_recovery((behavior.name, type(behavior).__name__), status, text, data, self._moving_as)
+
+    def _publish_recovery(
+        self, names: tuple[str, str], status: BehaviorStatus, text: str, data: dict[str, Any], index: int
+    ) -> None:
+        self._recoveries.publish_named(names, status, text, data, (index, 0), NavState().trigger, self.now)
+
     def end_behavior(self, end: BehaviorEnd) -> None:
         """Take the end of the behavior that runs."""
-        self._recoveries.publish(
-            end.behavior, end.status, end.text or f"{end.behavior.name} ends", end.data, NavState(), self.now
-        )
+        self.publish_step(end.behavior, end.status, end.text or f"{end.behavior.name} ends", end.data)
         self._recoveries.runner.drop(self.now)
         error = end.error
-        if error is None:
-            self._end_moving(ActionState.SUCCEEDED)
+        if error is not None:
+            if self.goal is not None:
+                self.goal.statistics.add_failure(error, self.now)
+            self._fail_moving(error)
             return
-        if self.goal is not None:
-            self.goal.statistics.add_failure(error, self.now)
-        base = self._moving_base
-        code = (
-            error.code if base <= error.code < base + 10 else base + (_TF_ERROR if isinstance(error, FrameError) else 0)
-        )
+        server = self._moving_server
+        self._end_moving(ActionState.SUCCEEDED, **(server.result(end.behavior) if server is not None else {}))
+
+    def _fail_moving(self, error: NavError) -> None:
+        server = self._moving_server
+        code = server.code_of(error) if server is not None else error.code
         self.errors[code] = error
         self.last_code = code
         self._end_moving(ActionState.ABORTED, code, error.message)
 
-    def _end_moving(self, state: ActionState, code: int = 0, message: str = "") -> None:
+    def _end_moving(self, state: ActionState, code: int = 0, message: str = "", **result: object) -> None:
         ticket, self._moving = self._moving, None
         self._output.stop_if_moving(self.now)
         if ticket is not None:
-            ticket.end(state, code, message)
+            ticket.end(state, code, message, **result)
 
     # --- costmaps -----------------------------------------------------------------------------------------------------
 
@@ -493,11 +592,13 @@ class TreeServers:
             for layer in layers:
                 reset = layer.reset
                 cells += call(layer, lambda reset=reset: reset(square, invert=invert))
-        if self.goal is not None:
-            self.goal.statistics.recoveries.append(f"clear {costmap.name}")
+        name = f"clear {costmap.name}"
+        index = self._counted(name)
         # Nav2 updates the costmap in its own thread before the next plan; here the plan may follow at once
         call(costmap, costmap.update, self.now)
-        self._events.info(self.now, f"the behavior tree cleared {costmap.name}", cells_cleared=cells)
+        if index is not None:
+            text = f"the behavior tree cleared {costmap.name}"
+            self._publish_recovery((name, kind), BehaviorStatus.DONE, text, {"cells_cleared": cells}, index)
         return {"success": True}
 
     def _validate(self, request: Mapping[str, object]) -> dict[str, object]:

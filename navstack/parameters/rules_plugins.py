@@ -242,8 +242,8 @@ document(
 document(
     "stopping-time",
     "warning",
-    """Braking from max_vel_x takes longer than sim_time: the robot cannot avoid obstacles at the end of its horizon.
-    Example: 1 m/s with 0.5 m/s² takes 2 s, longer than a sim_time of 1.7 s.
+    """Braking from max_vel_x, one control period late, takes longer than sim_time: the robot cannot avoid obstacles at
+    the end of its horizon. Example: 1 m/s with 0.5 m/s² takes 2 s, longer than a sim_time of 1.7 s.
 
     Fix: raise sim_time or lower max_vel_x.
     """,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,19 @@ def sources_of(costmaps: Sequence[CostmapSetup], *, enabled_only: bool = True) -
         for layer in costmap.layers
         if layer.traits.enabled or not enabled_only
         for name, source in layer.traits.sources.items()
+    }
+
+
+def monitor_scans(configuration: Configuration) -> dict[str, SensorSource]:
+    """Return the enabled sources of scans of the collision monitor and detector: path below move_base -> source."""
+    safety = configuration.safety
+    monitors = {"collision_monitor": safety.collision_monitor, "collision_detector": safety.collision_detector}
+    return {
+        f"{section}/{name}": SensorSource(params.topic)
+        for section, monitor in monitors.items()
+        if monitor is not None
+        for name, params in monitor.sources.items()
+        if params.enabled and params.type == "scan"
     }
 
 
@@ -180,10 +194,15 @@ def follow_accelerations(sim: SimParams, params: Any) -> SimParams:
 def simulated(configuration: Configuration, described: Callable[[], Sequence[DescribedLidar]] = tuple) -> SimParams:
     """Return the simulated robot that follows the observation sources and the local planner of a configuration.
 
+    Scans that only the collision monitor or detector reads come from a lidar of their own, as far as costmaps clear.
     `described` reads the lidars of the robot's files; it is called if they are needed.
     """
     costmaps = configuration.costmaps
     sources = list(sources_of(costmaps).values())
+    topics = {source.topic.strip("/") for source in sources}
+    reach = max((source.raytrace_range for source in sources), default=0.0)
+    scans = [replace(s, raytrace_range=reach) for s in monitor_scans(configuration).values()]
+    sources += [scan for scan in scans if scan.topic.strip("/") not in topics]
     sim = follow_sources(configuration.navstack.sim, sources, costmaps[1].robot_base_frame, described)
     planner = configuration.local_planner.params
     return follow_planner(follow_accelerations(sim, planner), planner)
@@ -263,7 +282,7 @@ def assumed_lidar(configuration: Configuration) -> Iterator[Problem]:
 
     Fix: write those of the real lidar: `navstack: {sim: {laser: {fov: 4.71, range_max: 30.0, x: 0.2}}}`.
     """
-    sim, sources = configuration.navstack.sim, sources_of(configuration.costmaps)
+    sim, sources = configuration.navstack.sim, sources_of(configuration.costmaps) | monitor_scans(configuration)
     for name in sim.lasers:
         lidar = sim.lidar(name)
         path = next((p for p, s in sources.items() if s.topic.strip("/") == lidar.topic.strip("/")), None)
@@ -275,7 +294,7 @@ def assumed_lidar(configuration: Configuration) -> Iterator[Problem]:
             f"center, {lidar.height:g} m high; set "
             f"those of the real one: `navstack: {{sim: {{{name}: {{fov: .., range_max: ..}}}}}}`"
         )
-        yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)
+        yield Problem((f"/{path}/topic", f"/{path}/data_type", f"/{path}/type"), message)
 
 
 @rule("assumed-base", "info")

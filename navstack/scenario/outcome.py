@@ -83,6 +83,8 @@ EXPLAIN_FAILURES: Final = frozenset(
         "steep-inflation",
         "sideways-command",
         "default-planner",
+        "progress-out-of-reach",
+        "nothing-feeds-monitor",
     }
 )
 """Rules of `navstack check` whose warning explains robots that stop, turn in place or circle around their goal."""
@@ -197,7 +199,7 @@ def advice_for(
     turned = metrics.turning_s - metrics.state_s.get("CLEARING", 0.0)
     turning = turned > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
     advice = list(collision_advice(findings, seen=len(marked) == collisions)) if collisions else []
-    if marked:
+    if marked and not collision_advice(findings, seen=True):
         which = "the collision" if collisions == 1 else f"{len(marked)} of {collisions} collisions"
         advice.append(
             f"the local costmap had the obstacle of {which}, so no sensor is the cause: the base does not drive what the "

@@ -9,7 +9,8 @@ import pytest
 import navstack as nav
 from navstack.behavior_trees import BehaviorTreeError, find_tree
 from navstack.bringup import build_move_base, simulated_robot
-from navstack.core import Pose2D
+from navstack.core import Event, Pose2D
+from navstack.explain import explain_goal
 from navstack.move_base import BusyError, GoalHandle, GoalStatus, MoveBase, TreeMoveBase
 from navstack.parameters import load_configuration
 from navstack.sim import SimulatedRobot
@@ -24,10 +25,24 @@ SHIPPED = sorted((FOLDER / "behavior_trees").glob("nav*to_pose*.xml")) + sorted(
 )
 
 
-def build(tree: str | Path | None) -> tuple[TreeMoveBase, SimulatedRobot]:
+class Heard:
+    """Keeps the events."""
+
+    hears_feedback = False
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+
+    def on_event(self, event: Event) -> None:
+        self.events.append(event)
+
+
+def build(tree: str | Path | None, *listeners: Heard) -> tuple[TreeMoveBase, SimulatedRobot]:
     configuration, grid = load_configuration(["turtlebot"]), nav.load_map("office")
     robot = simulated_robot(configuration, grid, Pose2D(0.8, 7.45, 0.0))
-    move_base = build_move_base(configuration, robot, static_map=grid, behavior_tree=tree, trees_by_goal=True)
+    move_base = build_move_base(
+        configuration, robot, static_map=grid, behavior_tree=tree, trees_by_goal=True, listeners=listeners
+    )
     assert isinstance(move_base, TreeMoveBase)
     return move_base, robot
 
@@ -164,3 +179,52 @@ def test_a_configuration_names_its_tree() -> None:
 def test_an_unknown_tree_is_an_error_with_a_suggestion() -> None:
     with pytest.raises(BehaviorTreeError, match='did you mean "navigate_to_pose_w_replanning_and_recovery"'):
         build("navigate_to_pose_w_replaning_and_recovery")
+
+
+@pytest.mark.slow
+def test_a_goal_has_one_number_of_recoveries(tmp_path: Path) -> None:
+    """In its result, the metrics of the run and the explanation of the record."""
+    more = tmp_path / "more.yaml"
+    more.write_text(f"navstack: {{behavior_tree: {DEFAULT}_format_3}}\n", encoding="utf-8")
+    configuration = load_configuration(["turtlebot", str(more)])
+    result = nav.simulate("office", robot=configuration, goals=[IN_A_WALL])
+    (goal,) = result.goals
+    report = explain_goal(result.record, 1)
+    spins, clears = (sum(word in run.name for run in report.recoveries) for word in ("spin", "clear"))
+    assert spins and clears
+    assert goal.recoveries == len(report.recoveries) == result.metrics.recoveries
+    assert [run.number for run in report.recoveries] == list(range(1, goal.recoveries + 1))
+    assert f"{goal.recoveries} recoveries (" in str(result.explain(goal=1))
+
+
+@pytest.mark.parametrize(("node", "counts"), [
+    ('<Spin spin_dist="0.3"/>', 1),
+    ('<Spin spin_dist="0.3" is_recovery="false"/>', 0),
+    ('<DriveOnHeading dist_to_travel="0.1" speed="0.1"/>', 0),
+    ('<ClearEntireCostmap service_name="local_costmap/clear"/>', 1),
+])  # fmt: skip
+def test_a_recovery_is_what_nav2_counts(node: str, counts: int) -> None:
+    listener = Heard()
+    move_base, robot = build(f'<root BTCPP_format="4"><BehaviorTree ID="T">{node}</BehaviorTree></root>', listener)
+    handle = move_base.send_goal(OFFICE_2)
+    run(move_base, robot, handle)
+    assert handle.status is GoalStatus.SUCCEEDED and handle.result is not None
+    assert handle.result.recoveries == move_base.tree.blackboard["number_recoveries"] == counts
+    assert len({event.data["index"] for event in listener.events if event.kind == "recovery"}) == counts
+
+
+def test_nodes_without_a_server_are_named_before_the_first_goal() -> None:
+    node = '<SmoothPath unsmoothed_path="{p}" smoothed_path="{q}"/>'
+    listener = Heard()
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="T"><Sequence><Wait/>{node}</Sequence></BehaviorTree></root>'
+    move_base, robot = build(text, listener)
+    (warning,) = [event for event in listener.events if event.kind == "warning"]
+    assert "uses SmoothPath, which navstack offers to no tree, so that this node fails" in warning.text
+    assert warning.data["code"] == 9063
+    handle = move_base.send_goal(OFFICE_2)
+    run(move_base, robot, handle)
+    assert handle.result is not None
+    assert 'the server "smooth_path" rejected the goal' in handle.result.message
+    listener.events.clear()
+    move_base.use_tree(find_tree(DEFAULT))
+    assert not listener.events

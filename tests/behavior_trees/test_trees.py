@@ -204,7 +204,7 @@ def test_the_trace_tells_why_a_recovery_ran() -> None:
     found = BehaviorTree(find_tree("navigate_to_pose_w_replanning_and_recovery"), servers=servers)
     found.blackboard["goal"] = StampedPose(10.0, 0.0)
     assert found.tick(0.0) is Status.RUNNING
-    first, second = found.trace.recoveries
+    first, second = found.trace.retries
     assert first.path.endswith("FollowWithRecovery")
     assert (first.cause.rsplit("/", 1)[-1], first.code) == ("FollowPath", 106)
     assert second.path == "NavigateRecovery"

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from navstack.cli.app import run
+from navstack.cli.convert import verification_notes
+from navstack.core import Difference, Interval
 from navstack.explain import explain_migration
 from navstack.parameters import load_configuration
 from tests.cli.test_wrong_input import Outcome, navstack  # noqa: F401  (a fixture)
@@ -70,6 +73,46 @@ def test_verification_drives_both(navstack) -> None:  # noqa: F811
     rows = [line.split() for line in done.out.splitlines() if line.strip().startswith("office")]
     assert [row[2:5] for row in rows] == [["1", "1", "1"]] * 2  # pairs, both succeed
     assert "beyond the noise" in done.err
+
+
+def measure(name: str, a: float, b: float, low: float, high: float) -> dict[str, Any]:
+    difference = Difference(Interval(b - a, low, high, 6), pairs=6, higher=6, lower=0, p_value=0.03)
+    return {"measure": name, "a": Interval(a, a, a, 6), "b": Interval(b, b, b, 6), "difference": difference}
+
+
+def drives(original: str, converted: str) -> list[dict[str, Any]]:
+    """A run of each scenario; `x` is a failure."""
+    pairs = enumerate(zip(original, converted, strict=True))
+    return [{"scenario": f"s{k}", "A": {"success": a != "x"}, "B": {"success": b != "x"}} for k, (a, b) in pairs]
+
+
+JERK, TIME = measure("jerk", 1.7, 5.4, 3.1, 4.2), measure("time", 30.0, 31.0, -0.5, 2.5)
+
+
+@pytest.mark.parametrize(
+    ("original", "converted", "rows", "notes"),
+    [
+        ("......", "......", [TIME], ["no measure of the drive differs beyond the noise"]),
+        ("...", "...", [], ["with fewer than 6 scenarios only large differences show, so give --count"]),
+        ("......", "x.x...", [TIME], ["fails in 2 of 6 drives in which the original succeeds"]),
+        ("x.....", "......", [TIME], ["succeeds in 1 of 6 drives in which the original fails"]),
+        (
+            "x.....",
+            ".x....",
+            [TIME, JERK],
+            [
+                "fails in 1 of 6 drives in which the original succeeds, and succeeds in 1 in which it fails",
+                "changes the drive beyond the noise: jerk 1.7 -> 5.4 (by 3.700 [3.100, 4.200])",
+            ],
+        ),
+        ("xxxxxx", "xxxxxx", [JERK], ["jerk 1.7 -> 5.4"]),
+    ],
+)
+def test_what_a_verification_shows(original: str, converted: str, rows: list[dict[str, Any]], notes: list[str]) -> None:
+    found = verification_notes(drives(original, converted), rows)
+    assert len(found) == len(notes)
+    assert all(part in note for part, note in zip(notes, found, strict=True))
+    assert not any("time" in note for note in found)
 
 
 def test_migration_names_the_places() -> None:

@@ -333,10 +333,11 @@ class DWBParams(PathFollowerParams):
         ahead = max(
             (c.params.forward_point_distance for c in critics if isinstance(c.params, AlignParams)), default=0.0
         )
-        fastest = checks.Speed("max_vel_x", self.max_vel_x)
+        fastest = checks.Limit("max_vel_x", self.max_vel_x)
         yield from checks.window_too_small(context, self.sim_time, fastest, ahead)
         yield from checks.updates_too_slow(context, fastest)
-        yield from checks.stopping_time(-self.decel_lim_x, fastest, self.sim_time)
+        braking = checks.Limit("decel_lim_x", -self.decel_lim_x)
+        yield from checks.stopping_time(context, braking, fastest, self.sim_time)
         yield from checks.minimum_over_maximum(
             [
                 ("min_vel_x", self.min_vel_x, "max_vel_x", self.max_vel_x),

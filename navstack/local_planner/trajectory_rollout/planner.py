@@ -186,10 +186,10 @@ class TrajectoryPlannerParams(ParamModel):
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield what keeps the robot from moving, from stopping or from reaching its goal."""
         yield from self._check_scoring_scale(context)
-        fastest = checks.Speed("max_vel_x", self.max_vel_x)
+        fastest = checks.Limit("max_vel_x", self.max_vel_x)
         yield from checks.window_too_small(context, self.sim_time, fastest)
         yield from checks.updates_too_slow(context, fastest)
-        yield from checks.stopping_time(self.acc_lim_x, fastest, self.sim_time)
+        yield from checks.stopping_time(context, checks.Limit("acc_lim_x", self.acc_lim_x), fastest, self.sim_time)
         yield from checks.coarse_simulation(context, self.sim_granularity, self.sim_time, self.acc_lim_x, fastest)
         yield from checks.minimum_over_maximum(
             [

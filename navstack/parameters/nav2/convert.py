@@ -173,39 +173,40 @@ def _negated(value: float) -> float:
     return -value
 
 
-_STANDING: Final = "DWB turns in place with a sample of 0 m/s; move_base has its own turns"
+_BOTH: Final = (
+    _Row(
+        "min_vel_x",
+        "min_vel_x",
+        "nearest",
+        _standing,
+        "DWB turns in place with a sample of 0 m/s; move_base has its own turns",
+    ),
+    *_same("max_vel_x acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"),
+    _Row("linear_granularity", "sim_granularity"),
+    _Row("angular_granularity", "angular_sim_granularity"),
+    _Row(
+        "prune_plan",
+        "prune_plan",
+        "nearest",
+        None,
+        "drops poses by distance from the robot; move_base, poses that it has passed",
+    ),
+)
+"""What DWA and the trajectory rollout share."""
 _DWA: Final = (
-    _Row("min_vel_x", "min_vel_x", "nearest", _standing, _STANDING),
-    *_same("max_vel_x min_vel_y max_vel_y max_vel_theta acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples"),
+    *_BOTH,
+    *_same("min_vel_y max_vel_y max_vel_theta"),
     _Row("vy_samples", "vy_samples", "carried over", _at_least_one, "0 counts as 1"),
     _Row("max_speed_xy", "max_vel_trans"),
     _Row("min_speed_xy", "min_vel_trans"),
     _Row("vtheta_samples", "vth_samples"),
-    _Row("linear_granularity", "sim_granularity"),
-    _Row("angular_granularity", "angular_sim_granularity"),
-    _Row(
-        "prune_plan",
-        "prune_plan",
-        "nearest",
-        None,
-        "drops poses by distance from the robot; move_base, poses that it has passed",
-    ),
     _Row("publish_cost_grid_pc", "publish_cost_grid_pc"),
     _Row("publish_trajectories", "publish_traj_pc", "nearest", None, "MarkerArray instead of a point cloud"),
 )
 _ROLLOUT: Final = (
-    _Row("min_vel_x", "min_vel_x", "nearest", _standing, _STANDING),
+    *_BOTH,
     _Row("min_speed_xy", "min_vel_x", "nearest", None, "slower samples must turn by min_speed_theta"),
-    *_same("max_vel_x acc_lim_x acc_lim_y acc_lim_theta sim_time vx_samples vtheta_samples"),
-    _Row("linear_granularity", "sim_granularity"),
-    _Row("angular_granularity", "angular_sim_granularity"),
-    _Row(
-        "prune_plan",
-        "prune_plan",
-        "nearest",
-        None,
-        "drops poses by distance from the robot; move_base, poses that it has passed",
-    ),
+    *_same("vtheta_samples"),
 )
 _TURN: Final = "path and goal scale together: the turn at the goal outweighs the distances, as in move_base"
 _DECELERATION: Final = tuple(
