@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 from typing import Any, Final
 
-from navstack.behavior_trees import BehaviorTree, StampedPose, Status
+from navstack.behavior_trees import BehaviorTree, StampedPose, Status, find_tree
 from navstack.behaviors import BehaviorEnd
 from navstack.core import ControlError, NavError
 from navstack.move_base.active_goal import ActiveGoal
@@ -95,7 +95,6 @@ class TreeMoveBase(MoveBase):
 
         Raises BehaviorTreeError with file, line and column, and BusyError while a goal is driven; nothing has changed then.
         """
-        self._check_idle()
         servers = TreeServers(
             self.robot,
             self.global_costmap,
@@ -106,11 +105,26 @@ class TreeMoveBase(MoveBase):
             events=self._events,
             recoveries=self._recoveries,
         )
-        self.tree = BehaviorTree(source, servers=servers, distro=distro)
+        tree = BehaviorTree(source, servers=servers, distro=distro)
+        self._check_idle()
+        self.tree = tree
         self.tree_source, self._servers = source, servers
         self._tree_error: NavError | None = None
         self._tree_planner = self._local_planner
         self._of_tree: ActiveGoal | None = None
+
+    def drive_by(self, tree: str) -> None:
+        """Let a tree drive the next goals, as a goal of Nav2 names it: a file, or a packaged one; empty: the states of move_base.
+
+        Nothing is read if it drives already. Raises as `use_tree`.
+        """
+        source = find_tree(tree) if tree else None
+        if source == self.tree_source:
+            return
+        if source is None:
+            self.use_states()
+        else:
+            self.use_tree(source)
 
     @property
     def _is_by_tree(self) -> bool:
