@@ -5,7 +5,8 @@
 DATA: a folder with the turtlebot's published parameters and map (NAVSTACK_DATA), GOLDEN: the recorded runs of move_base
 (NAVSTACK_GOLDEN). The simulated robot and the navigator are two processes of Kilted (`tools/install_ros2.sh`). Exit code 1 if a
 goal is not reached, its time or length is outside the spread by more than a control period and 5 cm, or a cell of the global or
-the local costmap of a robot that rests at the start or at a goal differs from that in one process.
+the local costmap of a robot that rests at the start or at a goal differs from that in one process. Scans have the directions of
+messages there, which are float32; how many cells this changes is printed.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from navstack.bringup import build_move_base, simulated_robot  # noqa: E402
-from navstack.core import LETHAL, Pose2D  # noqa: E402
+from navstack.core import LETHAL, LaserScan, Pose2D, SensorData  # noqa: E402
 from navstack.map_io import load_map  # noqa: E402
 from navstack.parameters import load_configuration  # noqa: E402
 from tests.ros2.rig import Rig2  # noqa: E402
@@ -76,10 +77,23 @@ def costmaps_over_ros2(where: tuple[str, ...], params: tuple[str, ...]) -> dict[
     return {name: np.frombuffer(bytes.fromhex(data), np.uint8).reshape(size) for name, (size, data) in found.items()}
 
 
-def costmaps_here(data: Path, start: Pose2D) -> dict[str, Any]:
-    """Return the cells of both costmaps of a robot that rests at `start`, in this process."""
+def as_in_message(data: SensorData) -> SensorData:
+    """Return a scan with the directions of a sensor_msgs/LaserScan, which are float32."""
+    if not isinstance(data, LaserScan):
+        return data
+    first, step = (float(np.float32(angle)) for angle in (data.angle_min, data.angle_increment))
+    return LaserScan(
+        data.ranges, first, step, data.range_min, data.range_max, data.stamp, data.frame, data.topic, data.height
+    )
+
+
+def costmaps_here(data: Path, start: Pose2D, *, by_messages: bool) -> dict[str, Any]:
+    """Return the cells of both costmaps of a robot that rests at `start`, in this process; `by_messages`: see `as_in_message`."""
     grid, configuration = load_map(data / WILLOW), load_configuration([data / PARAMS])
     robot = simulated_robot(configuration, grid, start)
+    if by_messages:
+        measure = robot.scans
+        robot.scans = lambda: [as_in_message(data) for data in measure()]  # type: ignore[method-assign]
     move_base = build_move_base(configuration, robot, static_map=grid)
     while robot.time < REST_S:
         robot.advance_to(move_base.next_due(robot.time))
@@ -125,14 +139,18 @@ def main() -> int:
         print(name, f"{time_s:9.1f} s {length:6.2f} m".rjust(20), text.rjust(34), "ok" if right else "WRONG")
     for number, pose in enumerate((start, *goals)):
         where = (str(chosen.data / WILLOW), *params, "--start", f"{pose.x!r},{pose.y!r},{pose.yaw!r}")
-        over, here = costmaps_over_ros2(where, params), costmaps_here(chosen.data, pose)
-        for name in here:
-            a, b = over[name], here[name]
-            differ = int((a != b).sum()) if a.shape == b.shape else -1
+        over = costmaps_over_ros2(where, params)
+        here, exact = (costmaps_here(chosen.data, pose, by_messages=by_messages) for by_messages in (True, False))
+        for name, cells in here.items():
+            differ = int((over[name] != cells).sum()) if over[name].shape == cells.shape else -1
             wrong += differ != 0
-            marked = int((b == LETHAL).sum())
             place = "the start" if number == 0 else f"goal {number}"
-            print(f"{name} at {place}: {a.shape} over ROS 2, {differ} of {b.size} cells differ ({marked} are lethal)")
+            rounded = int((cells != exact[name]).sum())
+            print(
+                f"{name} at {place}: {differ} of {cells.size} cells differ ({int((cells == LETHAL).sum())} are lethal)",
+                end="",
+            )
+            print(f"; {rounded} from directions in double precision" if rounded else "")
     return 1 if wrong else 0
 
 
