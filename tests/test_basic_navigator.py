@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import pathlib
+import re
 
 import numpy as np
 import pytest
 
 import navstack as nav
+from navstack.behavior_trees import BehaviorTreeError
 from navstack.bringup import BasicNavigator, TaskResult
 from navstack.core import (
     LETHAL,
@@ -23,6 +26,7 @@ from navstack.core import (
 from navstack.costmap import ObstacleLayer
 from navstack.global_planner import SmoothedPlanner
 from navstack.global_planner.smoothers import SimpleSmoother, SimpleSmootherParams
+from navstack.move_base import TreeMoveBase
 from navstack.parameters import load_configuration
 from tests.move_base.world import Bench, StraightPlanner, occupied
 
@@ -474,11 +478,40 @@ def test_smooth_path_takes_the_smoother_of_the_parameters() -> None:
     assert np.abs(navigator.smoothPath(path, "savitzky_golay").poses - path.poses)[:, 1].max() > 1e-4
 
 
-def test_behavior_trees_are_not_supported() -> None:
+TREE = "navigate_to_pose_w_replanning_and_recovery"
+
+
+@pytest.mark.slow
+def test_a_goal_names_its_behavior_tree(tmp_path: pathlib.Path) -> None:
+    navigator = simulated()
+    move_base = navigator.move_base
+    assert isinstance(move_base, TreeMoveBase)
+    navigator.goToPose(Pose2D(2.2, 7.45), behavior_tree=TREE)
+    assert finish(navigator) is TaskResult.SUCCEEDED
+    assert pathlib.Path(str(move_base.tree_source)).stem == TREE and "FollowPath" in str(move_base.tree.explain())
+    assert pose_of(navigator)[:2] == pytest.approx((2.2, 7.45), abs=0.25)
+    # a tree that cannot be read changes nothing: the goal before goes on
+    navigator.goThroughPoses([Pose2D(4.0, 7.45), Pose2D(5.0, 7.45)], behavior_tree=TREE)
+    for _ in range(10):
+        navigator.isTaskComplete()
+    handle = move_base.goal_handle
+    broken = tmp_path / "broken.xml"
+    broken.write_text("<root><BehaviorTree ID='Main'><Sequence_/></BehaviorTree></root>")
+    for wrong, told in (("nowhere", 'no behavior tree "nowhere"'), (str(broken), "broken.xml:1:")):
+        with pytest.raises(BehaviorTreeError, match=re.escape(told)):
+            navigator.goToPose(Pose2D(2.0, 7.45), behavior_tree=wrong)
+        assert not navigator.isTaskComplete() and move_base.goal_handle is handle
+    # one without a tree takes over: the states of move_base drive it
+    navigator.goToPose(Pose2D(2.8, 7.45))
+    assert handle is not None and handle.is_done and move_base.tree_source is None
+    assert finish(navigator) is TaskResult.SUCCEEDED
+
+
+def test_a_goal_manager_without_trees_says_so() -> None:
     navigator = NavigatorBench().navigator
-    with pytest.raises(NotSupportedError, match="recovery_behaviors"):
+    with pytest.raises(NotSupportedError, match="trees_by_goal=True"):
         navigator.goToPose(Pose2D(1.0, 0.0), behavior_tree="tree.xml")
-    with pytest.raises(NotSupportedError, match="recovery_behaviors"):
+    with pytest.raises(NotSupportedError, match="trees_by_goal=True"):
         navigator.goThroughPoses([Pose2D(1.0, 0.0)], behavior_tree="tree.xml")
 
 

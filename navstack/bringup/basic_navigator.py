@@ -47,6 +47,7 @@ from navstack.docking import Dock, DockDatabase, Docking, DockingFeedback, DockT
 from navstack.map_io import load_map
 from navstack.move_base import (
     EPSILON_S,
+    BusyError,
     GoalCanceledError,
     GoalStatus,
     MoveBase,
@@ -55,6 +56,7 @@ from navstack.move_base import (
     Progress,
     Schedule,
     SpeedLimiter,
+    TreeMoveBase,
     call,
     checked_flag,
     checked_local_plan,
@@ -457,6 +459,9 @@ class BasicNavigator(NavigatorServices):
         self._task: DockTask | None = None
         self.coverage: CoverageDrive | None = None
         """The last coverage task, with its plan and its figures."""
+        self._default_tree = ""
+        if isinstance(move_base, TreeMoveBase) and move_base.tree_source is not None:
+            self._default_tree = os.fspath(move_base.tree_source)
         self._advance = advance
         self._place = place
         self._now = advance(0.0)
@@ -491,7 +496,10 @@ class BasicNavigator(NavigatorServices):
                     robot.advance_to(until)
                 return robot.time
 
-            return build_move_base(configuration, robot, static_map=static_map, listeners=listeners), advance
+            move_base = build_move_base(
+                configuration, robot, static_map=static_map, listeners=listeners, trees_by_goal=True
+            )
+            return move_base, advance
 
         navigator = cls(*built(start), docks=DockDatabase.of(configuration))
 
@@ -508,13 +516,23 @@ class BasicNavigator(NavigatorServices):
     # --- tasks --------------------------------------------------------------------------------------------------------
 
     def goToPose(self, pose: Pose2D, frame: str | None = None, behavior_tree: str = "") -> bool:
-        """Drive to `pose` (default frame: the global costmap's) and end the previous task. Returns True: accepted."""
-        _check_tree(behavior_tree)
+        """Drive to `pose` (default frame: the global costmap's) and end the previous task. Returns True: accepted.
+
+        `behavior_tree`: the file, or the name of a packaged one, of the tree that drives; default: that of the parameters, else
+        the states of move_base. Raises BehaviorTreeError, and the previous task goes on; NotSupportedError for a goal manager
+        without trees (`build_move_base(.., trees_by_goal=True)`).
+        """
+        self._choose_tree(behavior_tree)
         return self._drive_to((pose,), frame, through=False, stop_on_failure=True)
 
     def goThroughPoses(self, poses: Sequence[Pose2D], frame: str | None = None, behavior_tree: str = "") -> bool:
-        """Drive to the last pose through the others, which the robot passes within PASSED_RADIUS_M without a stop."""
-        _check_tree(behavior_tree)
+        """Drive to the last pose through the others, which the robot passes within PASSED_RADIUS_M without a stop.
+
+        `behavior_tree`: see `goToPose`.
+        """
+        if not poses:
+            raise InputError("the list of poses is empty; give at least one")
+        self._choose_tree(behavior_tree)
         return self._drive_to(tuple(poses), frame, through=True, stop_on_failure=True)
 
     def followWaypoints(
@@ -538,6 +556,7 @@ class BasicNavigator(NavigatorServices):
         if not 0 <= goal_index < len(poses) or number_of_loops < 0:
             wrong = f"goal_index {goal_index} or number_of_loops {number_of_loops} is wrong"
             raise NoWaypointsError(f"{wrong}: waypoints are 0 to {len(poses) - 1}, loops 0 or more")
+        self._choose_tree()
         return self._drive_to(
             tuple(poses),
             frame,
@@ -746,8 +765,6 @@ class BasicNavigator(NavigatorServices):
         loops: int = 0,
         executor: WaypointExecutor = NO_EXECUTOR,
     ) -> bool:
-        if not poses:
-            raise InputError("the list of poses is empty; give at least one")
         if self._runner.running is not None or self._task is not None:
             self.cancelTask()
         self._start_task()
@@ -762,6 +779,19 @@ class BasicNavigator(NavigatorServices):
             now=self._now,
         )
         return True
+
+    def _choose_tree(self, tree: str = "") -> None:
+        """Let a behavior tree drive the next goals; a task that another one drives is canceled."""
+        move_base = self.move_base
+        if not isinstance(move_base, TreeMoveBase):
+            if tree:
+                not_supported("behavior_tree", "build the goal manager by build_move_base(.., trees_by_goal=True)")
+            return
+        try:
+            move_base.drive_by(tree or self._default_tree)
+        except BusyError:
+            self.cancelTask()
+            move_base.drive_by(tree or self._default_tree)
 
     def _robot_pose(self) -> Pose2D | None:
         costmap = self.move_base.global_costmap
@@ -810,6 +840,7 @@ class BasicNavigator(NavigatorServices):
 
     def _run_task(self, task: DockTask) -> bool:
         self.cancelTask()
+        self._choose_tree()
         self._drive = None
         self._tick(self._now)
         self._start_task()
@@ -828,6 +859,7 @@ class BasicNavigator(NavigatorServices):
 
     def _run_behavior(self, behavior: Behavior) -> bool:
         self.cancelTask()
+        self._choose_tree()
         self._drive = None
         context = self.move_base.recovery_context
         call(behavior, behavior.check, context)
@@ -891,8 +923,3 @@ def _field(corners: Sequence[Any] | None) -> Field | None:
     first = corners[0] if len(corners) else None
     is_ring = isinstance(first, (list, tuple, np.ndarray)) and len(first) > 0 and isinstance(first[0], (int, float))
     return field_of_corners([corners] if is_ring else corners)
-
-
-def _check_tree(behavior_tree: str) -> None:
-    if behavior_tree:
-        not_supported("behavior_tree", "list the recovery behaviors in recovery_behaviors of move_base")

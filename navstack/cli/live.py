@@ -35,7 +35,7 @@ from navstack.live import (
     serve,
 )
 from navstack.map_io import map_names
-from navstack.parameters import short_name
+from navstack.parameters import Configuration, short_name
 from navstack.record import Record
 from navstack.replay import is_of_log
 from navstack.scenario import Scenario, read_scenario, shipped_scenarios, warm_up
@@ -100,19 +100,27 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
     """
     require("aiohttp", "navstack live")
 
-    prepare, duration_s = _preparation(chosen, live)
-    return _serve(prepare, live, duration_s)
+    prepared = _preparation(chosen, live)
+    return _serve(prepared, live)
 
 
 def _label(origin: Origin) -> str:
     return ", ".join(short_name(name) for name in origin.sources) or "the scenario's parameters"
 
 
-def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> tuple[Callable[[Report], Stage], float | None]:
-    """Reads the input; returns a function that compiles kernels and starts the sessions, and the duration (s) of a recorded run.
+class _Preparation(NamedTuple):
+    """What is known of the sessions before they begin."""
 
-    Raises the errors of the input.
-    """
+    prepare: Callable[[Report], Stage]
+    """Compiles kernels, and starts the sessions."""
+    configuration: Configuration
+    """Of the first session."""
+    duration_s: float | None = None
+    """Of a recorded run."""
+
+
+def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> _Preparation:
+    """Reads the input. Raises its errors."""
     speed = _speed(live.speed)
     run = Path(chosen.map_)
     if run.suffix == ".npz" or run.joinpath("run.npz").is_file():
@@ -121,12 +129,13 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> tuple[Callable[[
         if live.versus:
             raise InputError("--versus needs a scenario or a map, not a recorded run")
         record = Record.load(run)
+        scenario = Scenario.from_record(record)
 
         def recorded(report: Report) -> Stage:
             with loading_kernels(progress=partial(report, COMPILING)):
-                return Stage([_recorded(record, speed)], Options(live.save_to, fixed=True, labels=("",)))
+                return Stage([_recorded(record, scenario, speed)], Options(live.save_to, fixed=True, labels=("",)))
 
-        return recorded, float(record.times[-1])
+        return _Preparation(recorded, scenario.configuration, float(record.times[-1]))
     opened = [_open(chosen)]
     if live.versus:
         opened.append(_open(chosen._replace(params=live.versus)))
@@ -142,15 +151,15 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> tuple[Callable[[
                 warm_up(scenario)
         return Stage([Session(scenario, origin=origin, speed=speed) for scenario, origin in opened], options)
 
-    return prepare, None
+    return _Preparation(prepare, opened[0][0].configuration)
 
 
-def _recorded(record: Record, speed: float | None) -> Session:
+def _recorded(record: Record, scenario: Scenario, speed: float | None) -> Session:
     """A session of a recorded run, which is simulated or replayed again. Raises RecordError if that gives another run."""
     if is_of_log(record):
         return LoggedSession(record, speed=speed)
     replay(record)
-    session = Session(Scenario.from_record(record), speed=speed)
+    session = Session(scenario, speed=speed)
     session.end = float(record.times[-1])
     session.pause(True)
     return session
@@ -183,7 +192,7 @@ def _speed(text: str) -> float | None:
     return value
 
 
-def _serve(prepare: Callable[[Report], Stage], live: LiveOptions, duration_s: float | None) -> int:
+def _serve(prepared: _Preparation, live: LiveOptions) -> int:
     import asyncio
     import signal
 
@@ -192,10 +201,16 @@ def _serve(prepare: Callable[[Report], Stage], live: LiveOptions, duration_s: fl
     if live.foxglove is not None:
         # clients of Foxglove have no token: from elsewhere they can look only
         read_only = live.read_only or not is_loopback(live.host)
-        foxglove = FoxgloveServer(live.host, live.foxglove, read_only=read_only, duration_s=duration_s)
+        foxglove = FoxgloveServer(
+            live.host,
+            live.foxglove,
+            prepared.configuration,
+            read_only=read_only,
+            duration_s=prepared.duration_s,
+        )
         if live.port is None and foxglove.port == PORT:
             port = PORT + 1
-    server = LiveServer(prepare, Gate(live.host), read_only=live.read_only, foxglove=foxglove)
+    server = LiveServer(prepared.prepare, Gate(live.host), read_only=live.read_only, foxglove=foxglove)
 
     async def main() -> None:
         stop = asyncio.Event()

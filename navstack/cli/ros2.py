@@ -79,8 +79,10 @@ def navigator(
     """
     arguments = arguments_of(context)
     running: list[Navigator] = []
+    taken: list[str] = []
 
     def change(transition: str) -> None:
+        taken.append(transition)
         for one in running:
             one.change_state(transition)
 
@@ -88,8 +90,15 @@ def navigator(
     configuration = load(node, params, set_, distro=distro)
     print_warnings(configuration)
     node.start()
-    running.append(Navigator(configuration, node, None if record is None else RecordFolder(record, record_limit)))
-    running[0].spin()
+    made = Navigator(configuration, node, None if record is None else RecordFolder(record, record_limit))
+
+    def take_over() -> None:
+        running.append(made)
+        for transition in taken:  # those that a manager was faster with
+            made.change_state(transition)
+
+    node.create(take_over)
+    made.spin()
     return 0
 
 

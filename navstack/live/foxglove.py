@@ -35,6 +35,7 @@ from navstack.live import messages, parameters
 from navstack.live.session import Session
 from navstack.live.stage import Stage
 from navstack.logs import typestore
+from navstack.parameters import Configuration
 from navstack.replay import EPOCH_NS, sensor_topics
 from navstack.ros_messages import MessageBuilder
 from navstack.ros_messages import messages as msg
@@ -49,13 +50,32 @@ RECEIVED: Final = {
 """Topics that clients publish: the type, and the request of the page that does the same."""
 COSTMAP_PERIOD_S: Final = 0.5
 """Least time between two costmaps (s, wall): Foxglove takes whole ones only."""
-BACKLOG: Final = 256
-"""Messages that wait for a slow client; beyond, the oldest are dropped."""
+BACKLOG: Final = 4096
+"""Messages that wait for a slow client: some seconds of all topics; beyond, the oldest are dropped."""
+REPEAT_S: Final = 10.0
+"""A message that stays true is sent again after this time (s, wall): that to a slow client may have been dropped."""
 MOST_TASKS: Final = 1000
 """Messages of clients that wait for the simulation; beyond, the oldest are dropped."""
 SHAPE_COLOR: Final = (0.84, 0.37, 0.0)
 DELETE_ALL: Final = 3
 """Action of a marker that removes all markers of its topic."""
+TOPICS: Final = {
+    "/clock": "rosgraph_msgs/msg/Clock",
+    "/tf_static": msg.TRANSFORMS[0],
+    "/tf": msg.TRANSFORMS[0],
+    "/map": msg.MAP,
+    "/odom": msg.ODOMETRY,
+    "/cmd_vel": msg.TWIST,
+    "/global_costmap/costmap": msg.MAP,
+    "/local_costmap/costmap": msg.MAP,
+    "/local_costmap/published_footprint": "geometry_msgs/msg/PolygonStamped",
+    "/plan": msg.PATH,
+    "/local_plan": msg.PATH,
+    "/transformed_global_plan": msg.PATH,
+    "/current_goal": msg.POSE,
+    "/marker": "visualization_msgs/msg/MarkerArray",
+}
+"""Topics under the names of Nav2, and their types; those of the sensors besides."""
 
 
 def ns(time_s: float) -> int:
@@ -69,14 +89,14 @@ class Topic:
     def __init__(
         self,
         channel: Any,
-        kind: str,
         version: Callable[[], Hashable],
         build: Callable[[int], Any],
         *,
         period_s: float = 0.0,
     ) -> None:
         """`version` returns another value when there is a new message, and None when there is none to send."""
-        self.channel, self.kind, self.version, self.build = channel, kind, version, build
+        self.name, self.kind = str(channel.topic()), str(channel.schema_name())
+        self.channel, self.version, self.build = channel, version, build
         self._period, self._sent_at = period_s, -period_s
         self._sent: Hashable = None
 
@@ -85,11 +105,12 @@ class Topic:
         self._sent, self._sent_at = None, -self._period
 
     def message(self, stamp_ns: int, now: float) -> Any:
-        """Return a message if a client wants it and there is a new one; `now` (s) is wall time."""
-        if not self.channel.has_sinks() or now - self._sent_at < self._period:
+        """Return a message if a client wants it and there is a new one, or one to repeat; `now` (s) is wall time."""
+        since = now - self._sent_at
+        if not self.channel.has_sinks() or since < self._period:
             return None
         version = self.version()
-        if version is None or version == self._sent:
+        if version is None or (version == self._sent and since < REPEAT_S):
             return None
         self._sent, self._sent_at = version, now
         return self.build(stamp_ns)
@@ -98,9 +119,18 @@ class Topic:
 class FoxgloveServer:
     """Listens from the start; `show` gives it the stage, of which it shows the first robot."""
 
-    def __init__(self, host: str, port: int, *, read_only: bool = False, duration_s: float | None = None) -> None:
-        """With `read_only`, clients can look only. `duration_s` is that of a recorded run: clients control its time.
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        configuration: Configuration,
+        *,
+        read_only: bool = False,
+        duration_s: float | None = None,
+    ) -> None:
+        """`configuration` is that of the first robot: its sensors are topics.
 
+        With `read_only`, clients can look only. `duration_s` is that of a recorded run: clients control its time.
         Raises InputError if foxglove-sdk is missing or the port cannot be used.
         """
         foxglove: Any = require("foxglove", "navstack live --foxglove")
@@ -123,10 +153,13 @@ class FoxgloveServer:
         self._configuration: Any = None
         self._restarts = -1
         self._time = -1.0
-        self._playback: tuple[Any, ...] = ()
+        self._playback: Any = None
+        """The last state that clients were told: of a recorded run."""
         self._advertised: dict[tuple[int, int], Any] = {}
         self._tasks: deque[Callable[[], None]] = deque(maxlen=MOST_TASKS)
         """What the callbacks leave to the thread of the simulation."""
+        # before any client is there: foxglove-sdk advertises a channel before it takes subscriptions to it
+        self._channels = {name: self._channel(name, kind) for name, kind in _topics_of(configuration).items()}
         try:
             self._server: Any = foxglove.start_server(
                 name=NAME,
@@ -149,14 +182,16 @@ class FoxgloveServer:
         self._server.stop()
 
     def show(self, stage: Stage, watched: Callable[[], object]) -> None:
-        """Advertise the topics of a stage; `watched` is called, in any thread, when a client subscribes.
+        """Send the topics of a stage from now on; `watched` is called, in any thread, when a client subscribes or has done so.
 
         Called in the thread of the simulation, as `update`.
         """
-        self._stage, self._watched = stage, watched
-        for name, topic in self._all_topics(stage.main):
-            self._topics[name] = topic
+        self._stage = stage
+        self._topics = {topic.name: topic for topic in self._all_topics(stage.main)}
         self._refresh_parameters()
+        self._watched = watched
+        if any(channel.has_sinks() for channel in self._channels.values()):
+            watched()
 
     def update(self) -> bool:
         """Do what clients have asked for, and send what is new; return whether a client has asked for anything.
@@ -205,44 +240,39 @@ class FoxgloveServer:
         """Show a problem in Foxglove."""
         self._server.publish_status(text, self._sdk.StatusLevel.Error)
 
-    def _topic(
-        self,
-        name: str,
-        kind: str,
-        version: Callable[[], Hashable],
-        build: Callable[[int], Any],
-        *,
-        period_s: float = 0.0,
-    ) -> tuple[str, Topic]:
+    def _channel(self, name: str, kind: str) -> Any:
         definition, _ = self._store.generate_msgdef(kind, ros_version=2)
         schema = self._sdk.Schema(name=kind, encoding="ros2msg", data=definition.encode())
-        channel = self._sdk.Channel(name, schema=schema, message_encoding="cdr", context=self._context)
-        return name, Topic(channel, kind, version, build, period_s=period_s)
+        return self._sdk.Channel(name, schema=schema, message_encoding="cdr", context=self._context)
 
-    def _all_topics(self, session: Session) -> Iterator[tuple[str, Topic]]:
-        """Yield the topics under the names of Nav2."""
-        build, topic = self._build, self._topic
+    def _all_topics(self, session: Session) -> Iterator[Topic]:
+        """Yield what to send on each channel."""
+
+        def topic(
+            name: str, version: Callable[[], Hashable], build: Callable[[int], Any], *, period_s: float = 0.0
+        ) -> Topic:
+            return Topic(self._channels[name], version, build, period_s=period_s)
+
+        build = self._build
         view = _View(session, build)
         cycle = view.cycle
-        yield topic("/clock", "rosgraph_msgs/msg/Clock", cycle, lambda stamp: _clock(build, stamp))
-        yield topic("/tf_static", msg.TRANSFORMS[0], lambda: True, view.static_transforms)
-        yield topic("/tf", msg.TRANSFORMS[0], view.moment, view.transforms)
-        yield topic("/map", msg.MAP, lambda: True, lambda stamp: build.map(stamp, session.scenario.map))
-        yield topic("/odom", msg.ODOMETRY, view.moment, view.odometry)
-        yield topic("/cmd_vel", msg.TWIST, cycle, lambda _: build.twist(session.run.move_base.command))
+        yield topic("/clock", cycle, lambda stamp: _clock(build, stamp))
+        yield topic("/tf_static", lambda: True, view.static_transforms)
+        yield topic("/tf", view.moment, view.transforms)
+        yield topic("/map", lambda: True, lambda stamp: build.map(stamp, session.scenario.map))
+        yield topic("/odom", view.moment, view.odometry)
+        yield topic("/cmd_vel", cycle, lambda _: build.twist(session.run.move_base.command))
         for name in ("global_costmap", "local_costmap"):
             updated = partial(view.costmap_time, name)
-            costmap = partial(view.costmap, name)
-            yield topic(f"/{name}/costmap", msg.MAP, updated, costmap, period_s=COSTMAP_PERIOD_S)
-        footprint = "geometry_msgs/msg/PolygonStamped"
-        yield topic("/local_costmap/published_footprint", footprint, view.moment, view.footprint)
-        yield topic("/plan", msg.PATH, lambda: session.history.plan_count or None, view.plan)
-        yield topic("/local_plan", msg.PATH, view.local_cycle, view.local_plan)
-        yield topic("/transformed_global_plan", msg.PATH, view.transformed_cycle, view.transformed_plan)
-        yield topic("/current_goal", msg.POSE, view.goal, view.goal_pose)
-        yield topic("/marker", "visualization_msgs/msg/MarkerArray", view.moment, view.markers)
-        for name, kind in view.sensor_topics():
-            yield topic(f"/{name}", kind, partial(view.reading_stamp, name), partial(view.reading, name))
+            yield topic(f"/{name}/costmap", updated, partial(view.costmap, name), period_s=COSTMAP_PERIOD_S)
+        yield topic("/local_costmap/published_footprint", view.moment, view.footprint)
+        yield topic("/plan", lambda: session.history.plan_count or None, view.plan)
+        yield topic("/local_plan", view.local_cycle, view.local_plan)
+        yield topic("/transformed_global_plan", view.transformed_cycle, view.transformed_plan)
+        yield topic("/current_goal", view.goal, view.goal_pose)
+        yield topic("/marker", view.moment, view.markers)
+        for name in _sensor_topics(session.scenario.configuration):
+            yield topic(f"/{name}", partial(view.reading_stamp, name), partial(view.reading, name))
 
     def _refresh_parameters(self) -> None:
         assert self._stage is not None
@@ -251,18 +281,16 @@ class FoxgloveServer:
         listed = ((p["name"], p["value"]) for p in parameters.parameter_list(session))
         self._parameters = {name: parameter(name, value=value) for name, value in listed if value is not None}
 
-    def _send_playback(self, session: Session, request_id: str = "", *, did_seek: bool = False) -> None:
+    def _send_playback(self, session: Session, *, again: bool = False) -> None:
         status = self._web.PlaybackStatus
         state = status.Buffering if session.is_seeking else status.Paused if session.paused else status.Playing
         if session.time >= session.end and session.is_done:
             state = status.Ended
-        shown = state, session.speed
-        if shown == self._playback and not request_id:
-            return
-        self._playback = shown
-        speed = _factor(session.speed)
-        made = self._web.PlaybackState(state, ns(session.time), speed, did_seek, request_id or None)
-        self._server.broadcast_playback_state(made)
+        made = self._web.PlaybackState(state, ns(session.time), _factor(session.speed), False, None)
+        shown = self._playback
+        self._playback = made
+        if again or shown is None or (shown.status, shown.playback_speed) != (made.status, made.playback_speed):
+            self._server.broadcast_playback_state(made)
 
     # --- in: called by foxglove-sdk, in threads of its own ---------------------------------------------------------------
 
@@ -310,9 +338,19 @@ class FoxgloveServer:
     def on_parameters_unsubscribe(self, param_names: list[str]) -> None:
         """Do nothing."""
 
-    def on_playback_control_request(self, request: Any) -> None:
-        """Control the time of a recorded run in the next step."""
+    def on_playback_control_request(self, request: Any) -> Any:
+        """Control the time of a recorded run in the next step; return what will hold then, or None before there is a run."""
+        known = self._playback
+        if known is None:
+            return None
         self._tasks.append(partial(self._control, request))
+        status, seek = self._web.PlaybackStatus, request.seek_time
+        state = status.Paused if request.playback_command == self._web.PlaybackCommand.Pause else status.Playing
+        if seek is not None:
+            state = status.Buffering
+        time_ns = known.current_time if seek is None else seek
+        speed = request.playback_speed if request.playback_speed > 0.0 else known.playback_speed
+        return self._web.PlaybackState(state, time_ns, speed, seek is not None, request.request_id)
 
     # --- what the callbacks leave, in the thread of the simulation ------------------------------------------------------
 
@@ -364,16 +402,24 @@ class FoxgloveServer:
             self._server.publish_parameter_values([known[name] for name in values if name in known])
 
     def _control(self, request: Any) -> None:
-        if self._stage is None:
-            return
+        assert self._stage is not None
         session, command = self._stage.main, self._web.PlaybackCommand
-        did_seek = request.seek_time is not None
-        if did_seek:
+        if request.seek_time is not None:
             self._request(type="seek", time=max(0.0, 1e-9 * (request.seek_time - EPOCH_NS)))
         self._request(type="pause", paused=request.playback_command == command.Pause)
         if request.playback_speed > 0.0 and request.playback_speed != _factor(session.speed):
             self._request(type="speed", factor=float(request.playback_speed))
-        self._send_playback(session, request.request_id, did_seek=did_seek)
+        self._send_playback(session, again=True)  # the client was told what it asked for, and now what holds
+
+
+def _sensor_topics(configuration: Configuration) -> dict[str, str]:
+    """Return the topics of the sensors that the costmaps listen to, and their types."""
+    found = sensor_topics(configuration).values()
+    return dict(sorted({(sensor.name.strip("/"), sensor.type) for sensor in found}))
+
+
+def _topics_of(configuration: Configuration) -> dict[str, str]:
+    return TOPICS | {f"/{name}": kind for name, kind in _sensor_topics(configuration).items()}
 
 
 def _factor(speed: float | None) -> float:
@@ -503,12 +549,7 @@ class _View:
         found = [clear.markers[0], *(array.markers[0] for array in arrays if len(array.markers[0].points) > 1)]
         return build.of("visualization_msgs/msg/MarkerArray", markers=found)
 
-    # --- sensors --------------------------------------------------------------------------------------------------------
-
-    def sensor_topics(self) -> list[tuple[str, str]]:
-        """Return the topics of the sensors that the costmaps listen to, with their types."""
-        found = sensor_topics(self._session.scenario.configuration).values()
-        return sorted({(sensor.name.strip("/"), sensor.type) for sensor in found})
+    # --- sensors ------------------------------------------------------------------------------------------------------
 
     def reading(self, topic: str, stamp: int) -> Any:
         del stamp

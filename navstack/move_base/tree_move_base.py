@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from navstack.behavior_trees import Action, BehaviorTree, StampedPose, Status
+from navstack.behavior_trees import Action, BehaviorTree, StampedPose, Status, find_tree
 from navstack.behaviors import BehaviorEnd
 from navstack.core import ControlError, NavError
 from navstack.move_base.active_goal import ActiveGoal
@@ -108,7 +108,6 @@ class TreeMoveBase(MoveBase):
 
         Raises BehaviorTreeError with file, line and column, and BusyError while a goal is driven; nothing has changed then.
         """
-        self._check_idle()
         servers = TreeServers(
             self.robot,
             self.global_costmap,
@@ -120,7 +119,9 @@ class TreeMoveBase(MoveBase):
             recoveries=self._recoveries,
             further=self.behavior_servers,
         )
-        self.tree = BehaviorTree(source, servers=servers, distro=distro)
+        tree = BehaviorTree(source, servers=servers, distro=distro)
+        self._check_idle()
+        self.tree = tree
         self.tree_source, self._servers = source, servers
         self._warn_of_missing_servers()
         self._tree_error: NavError | None = None
@@ -139,6 +140,19 @@ class TreeMoveBase(MoveBase):
             "take it out of the tree, or let a Fallback go on without it"
         )
         self._events.warn(self.last_tick.time, text, MissingServerError(text, nodes=[item.path for item in lacking]))
+
+    def drive_by(self, tree: str) -> None:
+        """Let a tree drive the next goals, as a goal of Nav2 names it: a file, or a packaged one; empty: the states of move_base.
+
+        Nothing is read if it drives already. Raises as `use_tree`.
+        """
+        source = find_tree(tree) if tree else None
+        if source == self.tree_source:
+            return
+        if source is None:
+            self.use_states()
+        else:
+            self.use_tree(source)
 
     @property
     def _is_by_tree(self) -> bool:

@@ -17,7 +17,7 @@ from navstack.plugins import SMOOTHERS, limits_of
 from navstack.replay import sensor_topics
 from navstack.ros2 import ros, tasks
 from navstack.ros2.actions import Server, Tasks
-from navstack.ros2.lifecycle import offer_state
+from navstack.ros2.lifecycle import BOND, Bond, offer_state
 from navstack.ros2.parameters import LiveParameters
 from navstack.ros2.ros import RosNode, value_of
 from navstack.ros2.services import Services
@@ -73,6 +73,7 @@ class Navigator(StackNode):
         self._plans: PlanTopics | None = None
         self._diagnostics: Diagnostics | None = None
         self._base = configuration.local_costmap.params.robot_base_frame
+        self._bond = Bond(node) if ros.has_message(BOND) else None
         self._subscribe(odometry)
 
     # --- messages -----------------------------------------------------------------------------------------------------
@@ -164,9 +165,16 @@ class Navigator(StackNode):
             handle.trigger_activate()
 
     def change_state(self, transition: str) -> None:
-        """Take a transition of the life cycle, in any thread."""
+        """Take a transition of the life cycle, in the thread of rclpy."""
+        if self._bond is not None:
+            if transition == "activate":
+                self._bond.begin()
+            else:
+                self._bond.end()
         if transition == "activate":
             self._wanted = self.tasks.is_active = True
+        elif transition == "configure":
+            self._wanted = False  # a manager has taken over, or the node activates itself next
         elif transition in ("deactivate", "cleanup", "shutdown"):
             self._wanted = self.tasks.is_active = False
             self.inbox.post(lambda: self._stop_all("the navigator was deactivated"))
@@ -272,6 +280,8 @@ class Navigator(StackNode):
             finally:
                 self.tasks.is_active = False
                 self.tasks.cancel_all(KILLED)
+                if self._bond is not None:
+                    self._bond.end()
                 self.tasks.pool.shutdown(wait=False, cancel_futures=True)
 
         self.node.shut_down(end)

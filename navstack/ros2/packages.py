@@ -19,7 +19,7 @@ NODES: Final = ("navigator", "sim")
 """Executables of the package, and commands of `navstack ros2`."""
 _DEPENDS: Final = (
     *("rclpy", "launch_ros", "lifecycle_msgs", "nav2_msgs", "nav_msgs", "geometry_msgs", "map_msgs", "sensor_msgs"),
-    *("std_msgs", "tf2_msgs", "visualization_msgs", "diagnostic_msgs"),
+    *("std_msgs", "tf2_msgs", "visualization_msgs", "diagnostic_msgs", "bond"),
 )
 
 

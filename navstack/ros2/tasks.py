@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from navstack.behavior_trees import BehaviorTreeError, find_tree
+from navstack.behavior_trees import BehaviorTreeError
 from navstack.behaviors import (
     BackUp,
     BackUpParams,
@@ -180,21 +180,23 @@ class DriveTask(Task):
         move_base = self.move_base
         assert isinstance(move_base, TreeMoveBase)
         try:
-            source = find_tree(self.tree) if self.tree else None
-            if source == move_base.tree_source:
-                return
-            if source is None:
-                move_base.use_states()
-            else:
-                move_base.use_tree(source)
+            move_base.drive_by(self.tree)
         except BehaviorTreeError as exc:
             raise TreeNotLoadedError(exc.message, code=self.codes.first + 1) from exc
+
+    def _check_frames(self, poses: list[Any]) -> None:
+        """Raise FrameError for a pose whose frame has no transform, as Nav2's navigators do before they drive."""
+        to = self.move_base.global_costmap.frame
+        for frame in {msg.frame_of(pose) for pose in poses} - {"", to}:
+            self.move_base.robot.frames.lookup(to, frame)
 
     def begin(self, now: float) -> None:
         """Send the first pose."""
         poses = self.poses()
         if not poses:
             raise InputError("the goal has no poses; give at least one")
+        if self.through:  # waypoints are missed one by one
+            self._check_frames(poses)
         self._load_tree()
         self.started_at = now
         self.drive = PoseSequence(

@@ -17,7 +17,17 @@ from typing import Any, Final
 import numpy as np
 
 from navstack.bringup import build_move_base
-from navstack.core import Event, GridGeometry, Listener, NavError, OccupancyGrid, Pose2D, Twist2D, compile_ahead
+from navstack.core import (
+    Event,
+    GridGeometry,
+    Listener,
+    NavError,
+    OccupancyGrid,
+    Pose2D,
+    Twist2D,
+    compile_ahead,
+    turn_cost,
+)
 from navstack.costmap import LayeredCostmap
 from navstack.move_base import Mode, MoveBase, ThreadPlanning, TickResult
 from navstack.parameters import Configuration
@@ -172,6 +182,9 @@ class StackNode(ABC):
             planning=planning,
             trees_by_goal=self.trees_by_goal,
         )
+        for costmap in layered_costmaps(self.move_base):
+            # else the first recovery waits for this kernel, with which numba imports scipy.linalg
+            turn_cost(costmap.master, costmap.footprint, Pose2D(0.0, 0.0), 0.1)
         self.connect(self.move_base, planning)
         # what exists now lives as long as the node: the garbage collector need not visit it in a cycle
         gc.collect()

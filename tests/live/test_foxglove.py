@@ -6,8 +6,10 @@ import asyncio
 import json
 import socket
 import struct
+import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import aiohttp
@@ -15,7 +17,8 @@ import numpy as np
 import pytest
 
 from navstack.core import InputError
-from navstack.live.foxglove import EPOCH_NS, FoxgloveServer
+from navstack.live.foxglove import EPOCH_NS, REPEAT_S, FoxgloveServer
+from navstack.live.logged import LoggedSession
 from navstack.live.server import Gate, LiveServer, serve
 from navstack.live.session import Session
 from navstack.live.stage import Options, Stage
@@ -23,6 +26,7 @@ from navstack.logs import typestore
 from navstack.ros_messages import MessageBuilder
 from navstack.ros_messages import messages as msg
 from navstack.scenario import Scenario
+from tests.replay.test_replay import Maker, record_of, replayed
 
 pytest.importorskip("foxglove")
 pytestmark = pytest.mark.slow
@@ -125,7 +129,7 @@ def served(session: Session, body: Body, **options: Any) -> None:
 
     async def main() -> None:
         fixed = options.get("duration_s") is not None
-        foxglove = FoxgloveServer("127.0.0.1", 0, **options)
+        foxglove = FoxgloveServer("127.0.0.1", 0, session.scenario.configuration, **options)
         server = LiveServer(Stage([session], Options(fixed=fixed)), Gate("127.0.0.1"), foxglove=foxglove)
         stop, address = asyncio.Event(), asyncio.get_running_loop().create_future()
         task = asyncio.create_task(serve(server, "127.0.0.1", 0, ready=address.set_result, stop=stop))
@@ -150,6 +154,7 @@ def test_every_topic_has_its_type_and_content_and_a_late_client_gets_it_too(sess
     session.set_speed(4.0)
 
     async def body(connect: Callable[[], Awaitable[Client]], server: LiveServer) -> None:
+        began = time.monotonic()
         first = await connect()
         await first.subscribe(*OF_NAV2)
         assert {topic: first.channels[topic]["schemaName"] for topic in OF_NAV2} == OF_NAV2
@@ -183,7 +188,7 @@ def test_every_topic_has_its_type_and_content_and_a_late_client_gets_it_too(sess
         await late.subscribe("/map", "/tf_static", "/global_costmap/costmap", "/plan")
         await late.until(lambda: len(late.last) == 4)
         assert np.array_equal(late.last["/map"].data, grid.data.ravel())
-        assert first.counts["/map"] <= 2  # not again with every frame
+        assert first.counts["/map"] <= 2 + (time.monotonic() - began) / REPEAT_S  # not again with every frame
 
     served(session, body)
 
@@ -289,7 +294,40 @@ def test_a_rewind_starts_a_new_session_of_foxglove_with_everything(session: Sess
     served(session, body)
 
 
-def test_clients_control_the_time_of_a_recorded_run_but_nothing_else(session: Session) -> None:
+def control(seek_s: float | None, name: str, *, pause: bool = False, speed: float = 1.0) -> bytes:
+    """A request of Foxglove's time line: play or pause, the speed, where to go."""
+    seek = 0 if seek_s is None else EPOCH_NS + round(seek_s * 1e9)
+    head = struct.pack("<BBfBQI", 3, int(pause), speed, seek_s is not None, seek, len(name))
+    return head + name.encode()
+
+
+async def control_the_time(client: Client, session: Session, *topics: str) -> None:
+    """Goes to 2 s, to 1 s, pauses and plays to the end, by the time line of Foxglove; what is shown is of that time."""
+    playing, paused, buffering, ended = range(4)
+    await client.subscribe("/clock", *topics)
+    assert "clientPublish" not in client.info["capabilities"] and "playbackControl" in client.info["capabilities"]
+    await client.until(lambda: client.states and client.states[-1][0] == paused)
+
+    async def go_to(at: float) -> None:
+        client.last.clear()
+        client.states.clear()
+        await client.send_bytes(control(at, "go", pause=True))
+        wanted = EPOCH_NS + round(at * 1e9)
+        await client.until(lambda: (buffering, wanted) in [state[:2] for state in client.states])
+        await client.until(lambda: client.states[-1][0] == paused and 0 <= client.states[-1][1] - wanted < 4 * 10**8)
+        await client.until(lambda: 0 <= client.stamps.get("/clock", 0) - wanted < 4 * 10**8)
+
+    await go_to(2.0)
+    await go_to(1.0)
+    await client.until(lambda: set(topics) <= set(client.last))  # after the way back all of it comes again
+    await client.send_bytes(control(None, "play", speed=4.0))
+    await client.until(lambda: (playing, 4.0) in [(state[0], state[2]) for state in client.states])
+    await client.until(lambda: client.states[-1][0] == ended)
+    assert session.is_done and session.speed == 4.0
+    assert not client.told(), client.told()
+
+
+def test_the_time_of_a_recorded_run(session: Session) -> None:
     while session.time < 3.0:
         session.step_once()
     session.seek(0.0)
@@ -297,18 +335,22 @@ def test_clients_control_the_time_of_a_recorded_run_but_nothing_else(session: Se
     session.pause(True)
 
     async def body(connect: Callable[[], Awaitable[Client]], server: LiveServer) -> None:
-        client = await connect()
-        await client.subscribe("/clock")
-        await client.until(lambda: client.channels)
-        assert "clientPublish" not in client.info["capabilities"]
-        assert "playbackControl" in client.info["capabilities"]
-        seek = struct.pack("<BBfBQI", 3, 0, 2.0, 1, EPOCH_NS + 2 * 10**9, 2) + b"r1"
-        await client.send_bytes(seek)
-        await client.until(lambda: session.time >= 2.0 and client.states)
-        await client.until(lambda: session.speed == 2.0)
-        await client.until(lambda: client.states[-1][1] >= EPOCH_NS + 2 * 10**9)
+        await control_the_time(await connect(), session, "/scan", "/plan", "/current_goal", "/local_costmap/costmap")
 
     served(session, body, duration_s=3.0)
+
+
+def test_the_time_of_the_replay_of_a_log(tmp_path: Path) -> None:
+    record = record_of(replayed(Maker(tmp_path / "robot.bag").write()))
+    session = LoggedSession(record)
+
+    async def body(connect: Callable[[], Awaitable[Client]], server: LiveServer) -> None:
+        client = await connect()
+        assert set(OF_NAV2) <= set(await client.until(lambda: client.channels))
+        await control_the_time(client, session, *(set(OF_NAV2) - {"/clock", "/local_plan"}))
+        assert client.last["/odom"].pose.pose.position.x == pytest.approx(record.pose_at(session.time).x, abs=0.05)
+
+    served(session, body, duration_s=float(record.times[-1]))
 
 
 def test_read_only_takes_no_goals_and_no_parameters(session: Session) -> None:
@@ -325,12 +367,14 @@ def test_read_only_takes_no_goals_and_no_parameters(session: Session) -> None:
     served(session, body, read_only=True)
 
 
-def test_a_port_that_is_taken_and_a_missing_extra_are_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_that_is_taken_and_a_missing_extra_are_one_sentence(
+    office: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with pytest.raises(InputError, match=r"cannot be served on 127.0.0.1:.*another port with --foxglove"):
-            FoxgloveServer("127.0.0.1", taken.getsockname()[1])
+            FoxgloveServer("127.0.0.1", taken.getsockname()[1], office.configuration)
     monkeypatch.setitem(__import__("sys").modules, "foxglove", None)
     with pytest.raises(InputError, match=r"needs foxglove-sdk, which is not installed; install the extra `foxglove`"):
-        FoxgloveServer("127.0.0.1", 0)
+        FoxgloveServer("127.0.0.1", 0, office.configuration)

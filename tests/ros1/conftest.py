@@ -117,15 +117,18 @@ class Graph:
         return done.stdout
 
     def close(self) -> None:
-        """End all programs, the last one first."""
-        for program in reversed(self._programs):
-            if program.poll() is None:
-                os.killpg(program.pid, signal.SIGTERM)
-            try:
-                program.wait(5.0)
-            except subprocess.TimeoutExpired:
-                os.killpg(program.pid, signal.SIGKILL)
-                program.wait()
+        """End all programs at once, then the master, with which they unregister."""
+        for programs in ([program for program in self._programs if program is not self.master], [self.master]):
+            for program in programs:
+                if program.poll() is None:
+                    os.killpg(program.pid, signal.SIGTERM)
+            end = time.monotonic() + 5.0
+            for program in programs:
+                try:
+                    program.wait(max(0.1, end - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    os.killpg(program.pid, signal.SIGKILL)
+                    program.wait()
 
 
 def new_graph(folder: Path) -> Graph:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Generator, Mapping, Sequence
@@ -74,13 +73,6 @@ class ModuleGraph(Graph):
             return text in self.output_of(program)
 
         wait_for(has_it, f'the text "{text}"', timeout_s)
-
-    def close(self) -> None:
-        """End all programs, at once but for the master, which is the first one."""
-        for program in self._programs[1:]:
-            if program.poll() is None:
-                os.killpg(program.pid, signal.SIGTERM)
-        super().close()
 
 
 @contextlib.contextmanager

@@ -32,31 +32,33 @@ found["replaced"] = [replaced.status, replaced.result.error_code, replaced.resul
 spin(lambda: go.feedback, "feedback of the second goal")
 found["canceling"] = len(wait(newer.cancel_goal_async(), "cancel").goals_canceling)
 found["canceled"] = [go.end(newer)[0]]
-found["after"] = go.run(NavigateToPose.Goal(pose=stamped(1.2, 7.45)))
+found["after"] = go.run(NavigateToPose.Goal(pose=stamped(2.0, 7.45)))
 
 # what cannot be done
+before = node.get_clock().now().nanoseconds
 found["no frame"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45, frame="nowhere")))
+found["seconds without a frame"] = 1e-9 * (node.get_clock().now().nanoseconds - before)
 found["no tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree="other.xml"))
 
 tree = "navigate_to_pose_w_replanning_and_recovery"
 pathlib.Path(sys.argv[1] + ".xml").write_text("<root><BehaviorTree ID='Main'><Sequence_/></BehaviorTree></root>")
 found["wrong tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree=sys.argv[1] + ".xml"))
-found["tree"] = go.run(NavigateToPose.Goal(pose=stamped(2.0, 7.45), behavior_tree=tree))
-running = go.send(NavigateToPose.Goal(pose=stamped(4.0, 7.45), behavior_tree=tree))
+found["tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.4, 7.45), behavior_tree=tree))
+running = go.send(NavigateToPose.Goal(pose=stamped(0.8, 7.45), behavior_tree=tree))
 found["beside a tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45)))
 found["the tree goes on"] = go.end(running)[0]
-found["without the tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.2, 7.45)))
+found["without the tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.6, 7.45)))
 
 through = Action(NavigateThroughPoses, "navigate_through_poses")
 status, result = through.end(through.send(NavigateThroughPoses.Goal(
-    poses=Goals(goals=[stamped(3.0, 7.45), stamped(5.0, 7.45)]))))
+    poses=Goals(goals=[stamped(2.4, 7.45), stamped(3.2, 7.45)]))))
 found["through"] = [status, result.error_code, [one.waypoint_status for one in result.waypoint_statuses]]
 found["left"] = [min(one.number_of_poses_remaining for one in through.feedback),
                  max(one.number_of_poses_remaining for one in through.feedback)]
 found["through none"] = through.run(NavigateThroughPoses.Goal())
 
 follow = Action(FollowWaypoints, "follow_waypoints")
-status, result = follow.end(follow.send(FollowWaypoints.Goal(poses=[stamped(4.0, 7.45), stamped(3.0, 7.45)])))
+status, result = follow.end(follow.send(FollowWaypoints.Goal(poses=[stamped(3.8, 7.45), stamped(4.4, 7.45)])))
 found["waypoints"] = [status, result.error_code, len(result.missed_waypoints),
                       sorted({one.current_waypoint for one in follow.feedback})]
 """
@@ -165,6 +167,7 @@ def test_a_newer_goal_replaces_one(drives: dict[str, Any]) -> None:
 def test_goals_that_cannot_be_reached(drives: dict[str, Any]) -> None:
     status, code, text = drives["no frame"]
     assert status == ABORTED and code == 9002 and "nowhere" in text
+    assert drives["seconds without a frame"] < 5.0  # not after recoveries
     status, code, text = drives["no tree"]
     assert status == ABORTED and code == 9001 and "other.xml" in text
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.ros1.conftest import paced
-from tests.ros2.conftest import Graph, new_environment
+from tests.ros2.conftest import FASTEST, Graph, new_environment
 
 GO = """
 from nav2_msgs.action import NavigateToPose
@@ -34,7 +34,7 @@ found["cmd_vel"] = node.get_publishers_info_by_topic("/cmd_vel")[0].topic_type
 TWO = """
 from nav2_msgs.action import NavigateToPose
 robots = [Action(NavigateToPose, f"{name}/navigate_to_pose") for name in ("robot1", "robot2")]
-goals = [stamped(3.0, 7.45), stamped(10.0, 7.4)]
+goals = [stamped(2.0, 7.45), stamped(9.0, 7.4)]
 handles = [robot.send(NavigateToPose.Goal(pose=goal)) for robot, goal in zip(robots, goals)]
 found["ends"] = [robot.end(handle)[0] for robot, handle in zip(robots, handles)]
 found["nodes"] = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces() if name != "client")
@@ -52,7 +52,7 @@ def test_jazzy(tmp_path: Path) -> None:
     """The navigator and the simulator run with Jazzy: Twist, poses in a list; clients of Kilted drive them."""
     graph = Graph(tmp_path, "jazzy")
     try:
-        graph.start_sim("office", "--clock", "--speed", paced(2))
+        graph.start_sim("office", "--clock", "--speed", paced(FASTEST))
         graph.start_navigator("--params", "turtlebot")
         assert graph.ask(DISTRO)["cmd_vel"] == "geometry_msgs/msg/Twist"
         found = graph.ask(GO, "2.0", of=new_environment("kilted"))

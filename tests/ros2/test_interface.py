@@ -84,6 +84,19 @@ answer = call(LoadMap, "map_server/load_map", LoadMap.Request(map_url=sys.argv[2
 found["load map"] = [answer.result, answer.map.info.width == grid.info.width]
 found["load nothing"] = call(LoadMap, "map_server/load_map", LoadMap.Request(map_url="/nowhere/map.yaml")).result
 
+# poses and goals of RViz
+poses = node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
+spin(lambda: poses.get_subscription_count(), "a subscriber of initialpose")
+message = PoseWithCovarianceStamped()
+message.header.frame_id = "map"
+message.pose.pose = stamped(1.0, 7.45).pose
+poses.publish(message)
+spin(lambda: abs(robot()[0] - 1.0) < 0.05, "the initial pose")
+goals = node.create_publisher(type(stamped(0.0, 0.0)), "goal_pose", 1)
+spin(lambda: goals.get_subscription_count(), "a subscriber of goal_pose")
+goals.publish(stamped(2.0, 7.45))
+spin(lambda: abs(robot()[0] - 2.0) < 0.25, "the goal of RViz")
+
 # the speed is limited by a topic, in percent
 limits = node.create_publisher(SpeedLimit, "speed_limit", 10)
 spin(lambda: limits.get_subscription_count(), "a subscriber of speed limits")
@@ -96,24 +109,11 @@ def fastest(x):
     node.destroy_subscription(listening)
     return max(speeds)
 
-free = fastest(4.0)
+free = fastest(3.2)
 limits.publish(SpeedLimit(percentage=True, speed_limit=50.0))
-slow = fastest(2.0)
+slow = fastest(4.2)
 limits.publish(SpeedLimit(percentage=False, speed_limit=0.0))
-found["speeds"] = [free, slow, fastest(4.0)]
-
-# goals and poses of RViz
-goals = node.create_publisher(type(stamped(0.0, 0.0)), "goal_pose", 1)
-spin(lambda: goals.get_subscription_count(), "a subscriber of goal_pose")
-goals.publish(stamped(2.0, 7.45))
-spin(lambda: abs(robot()[0] - 2.0) < 0.25, "the goal of RViz")
-poses = node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
-spin(lambda: poses.get_subscription_count(), "a subscriber of initialpose")
-message = PoseWithCovarianceStamped()
-message.header.frame_id = "map"
-message.pose.pose = stamped(1.0, 7.45).pose
-poses.publish(message)
-spin(lambda: abs(robot()[0] - 1.0) < 0.05, "the initial pose")
+found["speeds"] = [free, slow, fastest(5.4)]
 found["placed"] = True
 """
 PARAMETERS = """
@@ -178,6 +178,58 @@ found["not allowed"] = change(Transition.TRANSITION_ACTIVATE)
 found["again"] = [change(Transition.TRANSITION_CONFIGURE), change(Transition.TRANSITION_ACTIVATE), state()]
 found["accepted"] = go.run(NavigateToPose.Goal(pose=stamped(robot()[0], 7.45)))[:2]
 """
+BOND = """
+from bond.msg import Status
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+
+# as bondcpp does for lifecycle_manager with a bond_timeout of 4 s
+out = node.create_publisher(Status, "bond", qos(5))
+heard = []
+node.create_subscription(Status, "bond", lambda m: heard.append((time.monotonic(), m)), qos(100))
+spin(lambda: out.get_subscription_count() > 1 and node.count_publishers("bond") > 1, "the other side")
+
+def change(number):
+    request = ChangeState.Request(transition=Transition(id=number))
+    return call(ChangeState, "navigator/change_state", request).success
+
+def alive(begin):
+    return [m for t, m in heard if t >= begin and m.id == "navigator" and m.instance_id != "manager" and m.active]
+
+def ended(begin):
+    return [m for t, m in heard if t >= begin and m.instance_id != "manager" and not m.active]
+
+def say(active, begin=0.0):
+    out.publish(Status(id="navigator", instance_id="manager", active=active, heartbeat_timeout=4.0, heartbeat_period=0.1))
+
+change(Transition.TRANSITION_DEACTIVATE)
+begin = time.monotonic()
+change(Transition.TRANSITION_ACTIVATE)
+activated = time.monotonic()
+spin(lambda: alive(begin), "a heartbeat")
+found["formed after"] = time.monotonic() - activated
+say(True)
+spin(lambda: len(alive(begin)) > 20, "heartbeats")
+times = [t for t, m in heard if m.instance_id == alive(begin)[0].instance_id]
+found["beats"] = [len({m.instance_id for m in alive(begin)}), len(times), times[-1] - times[0]]
+found["message"] = [alive(begin)[0].heartbeat_timeout, alive(begin)[0].heartbeat_period]
+now = time.monotonic()
+say(False)
+spin(lambda: ended(now), "the answer to the end of the manager")
+count = len(heard)
+end = time.monotonic() + 0.5
+spin(lambda: time.monotonic() > end, "half a second")
+found["after the end"] = len(heard) - count
+change(Transition.TRANSITION_DEACTIVATE)
+begin = time.monotonic()
+found["again"] = change(Transition.TRANSITION_ACTIVATE)
+spin(lambda: alive(begin), "another bond")
+found["others"] = len({m.instance_id for _, m in heard if m.instance_id != "manager"})
+now = time.monotonic()
+change(Transition.TRANSITION_DEACTIVATE)
+spin(lambda: ended(now), "the end of the node's side")
+change(Transition.TRANSITION_ACTIVATE)
+"""
 
 
 def test_topics_and_late_joiners(office: Graph) -> None:
@@ -241,3 +293,13 @@ def test_life_cycle(office: Graph) -> None:
     assert found["rejected"] == ["rejected"]
     assert found["cleanup"] == [True, "unconfigured"] and not found["not allowed"]
     assert found["again"] == [True, True, "active"] and found["accepted"] == [4, 0]
+
+
+def test_bond(office: Graph) -> None:
+    """As the two sides of lifecycle_manager and its nodes."""
+    found = office.ask(BOND)
+    assert found["formed after"] < 2.0  # the manager gives up after half of its bond_timeout
+    instances, beats, seconds = found["beats"]
+    assert instances == 1 and beats > 20 and seconds == pytest.approx(0.1 * (beats - 1), rel=0.5)
+    assert found["message"] == pytest.approx([4.0, 0.1])
+    assert found["after the end"] <= 1 and found["again"] and found["others"] >= 2

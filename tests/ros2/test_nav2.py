@@ -11,7 +11,7 @@ import yaml
 from navstack.core import data_folder
 from tests.conftest import SHARED
 from tests.ros1.conftest import paced
-from tests.ros2.conftest import Graph
+from tests.ros2.conftest import FASTEST, Graph
 
 NAV2 = """
 from geometry_msgs.msg import Pose
@@ -43,15 +43,15 @@ found["free"] = costs((6.0, 7.45), (3.0, 7.45))
 states = []
 node.create_subscription(Bool, "binary_state", lambda m: states.append(m.data), qos(latched=True))
 go = Action(NavigateToPose, "navigate_to_pose")
-found["go"] = go.run(NavigateToPose.Goal(pose=stamped(3.0, 7.45)))
+found["go"] = go.run(NavigateToPose.Goal(pose=stamped(4.6, 7.45)))
 said = []
 node.create_subscription(Log, "/rosout", lambda m: said.append(m.msg), qos(1000, latched=True))
 wrong = mask("light", 1, 100)
 spin(lambda: any("/light_info is of type 1" in text for text in said), "the refusal")  # the newest message counts
 binary = mask("light", 3, 100)
-found["through"] = go.run(NavigateToPose.Goal(pose=stamped(6.0, 7.45)))
+found["through"] = go.run(NavigateToPose.Goal(pose=stamped(5.5, 7.45)))
 spin(lambda: states and states[-1], "the state in the mask of the binary filter")
-found["back"] = go.run(NavigateToPose.Goal(pose=stamped(3.0, 7.45)))
+found["back"] = go.run(NavigateToPose.Goal(pose=stamped(4.6, 7.45)))
 spin(lambda: not states[-1], "the state outside of the mask")
 keepout = mask("keepout", 0, 100)
 spin(lambda: costs((6.0, 7.45))[0] >= 254.0, "the keepout mask in the costmap")
@@ -94,7 +94,7 @@ def test_nav2s_parameters_and_costmap_filters_by_topic(tmp_path: Path) -> None:
     graph = Graph(tmp_path)
     try:
         params = str(with_filters(tmp_path))
-        graph.start_sim("office", "--params", params, "--clock", "--speed", paced(2))
+        graph.start_sim("office", "--params", params, "--start", "3.8,7.45", "--clock", "--speed", paced(FASTEST))
         navigator = graph.start_navigator("--params", params)
         found = graph.ask(NAV2)
         assert max(found["free"]) < 253.0
@@ -113,7 +113,7 @@ def test_without_nav2_msgs(tmp_path: Path) -> None:
     (hidden / "__init__.py").write_text("raise ImportError('hidden')\n")
     path = graph.environment.variables(0)["PYTHONPATH"]
     try:
-        graph.start_sim("office", "--clock", "--speed", paced(2))
+        graph.start_sim("office", "--clock", "--speed", paced(FASTEST))
         command = (
             "-m",
             "navstack",

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
@@ -87,9 +89,9 @@ class Memory:
         return f"{self.found[0]:.1f} -> {now:.1f} MB" + (f"; each {MEMORY_S:g} s: {later}" if later else "")
 
 
-def drive(rig: Rig, until: float, memory: Memory | None = None) -> list[str]:
-    """Drive to and fro until a time (s, ROS); return the statuses of the goals."""
-    ends: list[str] = []
+def drive(rig: Rig, until: float, memory: Memory | None = None) -> list[tuple[str, str]]:
+    """Drive to and fro until a time (s, ROS); return the statuses of the goals, and their texts without numbers."""
+    ends: list[tuple[str, str]] = []
     at = rig.now()
     while at < until:
         if memory is not None:
@@ -98,7 +100,7 @@ def drive(rig: Rig, until: float, memory: Memory | None = None) -> list[str]:
         mark = len(rig.take())
         rig.send_goal(*GOALS[len(ends) % 2], id=name)
         found = rig.wait(lambda e: e["what"] == "result", f"the end of {name}", GOAL_S, since=mark)
-        ends.append(f"{found['status']}")
+        ends.append((f"{found['status']}", re.sub(r"[-0-9.]+", "..", str(found.get("text", "")))))
         at = rig.now()
         del rig.events[:-100]
     return ends
@@ -131,7 +133,10 @@ def measure(title: str, rig: Rig, seconds: float) -> None:
     sim_share = (cpu_s(rig.sim) - sim_cpu) / took
     last = newest(rig)
     print(f"{title}: {elapsed:.0f} s of ROS time in {took:.0f} s, {elapsed / took:.2f} times real time")
-    print(f"  goals           {len(ends)}, {ends.count(rig.reached)} reached")
+    others = Counter(text or status for status, text in ends if status != rig.reached)
+    print(f"  goals           {len(ends)}, {len(ends) - others.total()} reached")
+    for text, count in others.most_common():
+        print(f"  {count:3d} ended: {text}")
     print(f"  node            {100 * node_share:.1f} % of a core")
     print(f"  simulated robot {100 * sim_share:.1f} % of a core")
     print(f"  memory          {memory}")

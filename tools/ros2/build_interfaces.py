@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy
 
-PACKAGES = ("tf2_msgs", "geographic_msgs", "map_msgs", "nav2_msgs")
+PACKAGES = ("bond", "tf2_msgs", "geographic_msgs", "map_msgs", "nav2_msgs")
 """In the order of their dependencies."""
 TOGETHER = 12
 """Generated sources that are compiled as one."""
