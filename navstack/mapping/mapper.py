@@ -12,6 +12,7 @@ The same scans in the same order give the same map, to the bit.
 from __future__ import annotations
 
 import math
+from array import array
 from collections import OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D, normalize_angle
+from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D, normalize_angle, normalize_angles
 from navstack.localization import LoggedScan, scan_beams
 from navstack.logs import MappingModel, map_from_frames
 from navstack.mapping.loops import EDGE_FLOOR, Loop, Scene, agree, compare, edge_information
@@ -34,6 +35,9 @@ ODOMETRY_SPEED: Final = 5.0
 """An odometry that moves faster (m/s), by more than a meter, has jumped."""
 ODOMETRY_TURN_RATE: Final = 6.0
 """The same of its heading (rad/s)."""
+NEAR_M: Final = 0.05
+NEAR_RAD: Final = 0.05
+"""A scan within this motion from the last match keeps the odometry's pose: nothing is gained by matching it."""
 KERNEL_WIDTH: Final = 3.0
 """Loops with an error of more standard deviations than this lose weight when the graph is solved."""
 
@@ -67,16 +71,6 @@ class Step(NamedTuple):
     sigma: tuple[float, float]
     """Standard error that was expected of the odometry (m, rad)."""
     response: float
-
-
-class Passing(NamedTuple):
-    """A scan between keyframes."""
-
-    stamp: float
-    keyframe: int
-    """The last keyframe."""
-    step: Transform2D
-    """From there, by the odometry or a match."""
 
 
 @dataclass(slots=True)
@@ -172,8 +166,6 @@ class Mapper:
         self.loops: list[Loop] = []
         """Every loop that was decided, accepted or not, in order."""
         self.steps: list[Step] = []
-        self.passing: list[Passing] = []
-        """Every scan that was used, keyframes included (with no step)."""
         self.observations = Observations()
         self._pending: list[Loop] = []
         self._poses: NDArray[np.float64] = np.empty((64, 3))
@@ -181,6 +173,9 @@ class Mapper:
         self._travelled: list[float] = []
         self._last: tuple[float, Transform2D | None] | None = None
         self._moved = Transform2D()
+        self._driven = Transform2D()
+        self._matched = Transform2D()
+        self._track = array("d")
         self._velocity = Transform2D()
         self._local: Surfaces | None = None
         self._intervals: deque[float] = deque(maxlen=50)
@@ -213,26 +208,13 @@ class Mapper:
             yield LoggedScan(k, scan, sensor, Transform2D(), Pose2D(*self._keyframe_pose(k)))
 
     def trajectory(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return stamps (n,) and poses (n, 3) of all scans that were used.
-
-        What the match at a keyframe changed of the odometry before it is spread over the scans before it.
-        """
-        stamps = np.array([each.stamp for each in self.passing])
-        poses = np.empty((len(stamps), 3))
-        ends: dict[int, int] = {}
-        for n, each in enumerate(self.passing):
-            ends[each.keyframe] = n
-        for n, (_, k, step) in enumerate(self.passing):
-            pose = self._keyframe_pose(k) @ step
-            following = self.steps[k] if k < len(self.steps) else None
-            if following is not None:
-                length = math.hypot(following.odometry.x, following.odometry.y) + abs(following.odometry.yaw)
-                share = min(1.0, (math.hypot(step.x, step.y) + abs(step.yaw)) / length) if length > 0.0 else 0.0
-                truth = self._keyframe_pose(k).inverse() @ self._keyframe_pose(k + 1)
-                error = following.odometry.inverse() @ truth
-                pose = pose @ Transform2D(error.x * share, error.y * share, error.yaw * share)
-            poses[n] = pose
-        return stamps, poses
+        """Return stamps (n,) and poses (n, 3) of all scans that were used."""
+        table = np.array(self._track).reshape(-1, 5)
+        base, step = self.graph.poses[table[:, 1].astype(np.int64)], table[:, 2:]
+        c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+        x = base[:, 0] + c * step[:, 0] - s * step[:, 1]
+        y = base[:, 1] + s * step[:, 0] + c * step[:, 1]
+        return table[:, 0], np.column_stack((x, y, normalize_angles(base[:, 2] + step[:, 2])))
 
     # --- scans --------------------------------------------------------------------------------------------------------
 
@@ -267,18 +249,19 @@ class Mapper:
             v = self._velocity
             step = Transform2D(v.x * dt, v.y * dt, v.yaw * dt) if dt < 1.0 else Transform2D()
         self._last = stamp, odom
-        self._moved = self._moved @ step
+        self._moved, self._driven = self._moved @ step, self._driven @ step
         p = self.params
         far = math.hypot(self._moved.x, self._moved.y) >= p.minimum_travel_distance
         far = far or abs(self._moved.yaw) >= p.minimum_travel_heading
-        if has_odometry and not far:
-            self.passing.append(Passing(stamp, len(self.keyframes) - 1, self._moved))
+        since = self._matched.inverse() @ self._moved
+        if has_odometry and not far and math.hypot(since.x, since.y) < NEAR_M and abs(since.yaw) < NEAR_RAD:
+            self._passed(stamp)
             return MatchResult(stamp, self.pose or Pose2D(0.0, 0.0))
         surface = points_of(_expand(scan), mounting, p.max_laser_range)
         if len(surface) < FEWEST_POINTS:
-            self.passing.append(Passing(stamp, len(self.keyframes) - 1, self._moved))
+            self._passed(stamp)
             return self._rejected(stamp, f"fewer than {FEWEST_POINTS} points, so it cannot be matched")
-        return self._match(stamp, scan, mounting, surface, step, has_odometry)
+        return self._match(stamp, scan, mounting, surface, step if not has_odometry else None)
 
     def finish(self) -> None:
         """Decide what is pending and solve the graph a last time."""
@@ -339,21 +322,21 @@ class Mapper:
         scan: LaserScan,
         sensor: Transform2D,
         surface: NDArray[np.float64],
-        step: Transform2D,
-        has_odometry: bool,
+        guessed: Transform2D | None,
     ) -> MatchResult:
-        """Match a scan with the last keyframes; make it a keyframe if the robot has moved."""
+        """Match a scan with the last keyframes; make it a keyframe if the robot has moved. `guessed`: a step not by odometry."""
         p, last = self.params, len(self.keyframes) - 1
         start = self._keyframe_pose(last)
         predicted = start @ self._moved
-        moved, turned = math.hypot(self._moved.x, self._moved.y), abs(self._moved.yaw)
-        if has_odometry:
+        since = self._matched.inverse() @ self._moved
+        moved, turned = math.hypot(since.x, since.y), abs(since.yaw)
+        if guessed is None:
             sigma = (
                 0.02 + p.odometry_distance_error * moved + 0.02 * turned,
                 0.01 + p.odometry_heading_error * turned + 0.03 * moved,
             )
         else:
-            sigma = 0.1 + 0.3 * math.hypot(step.x, step.y), 0.1 + 0.3 * abs(step.yaw)
+            sigma = 0.1 + 0.3 * math.hypot(guessed.x, guessed.y), 0.1 + 0.3 * abs(guessed.yaw)
         match = self._best_match(surface, predicted, sigma)
         fits = match.response >= p.link_match_minimum_response_fine
         prior = _prior(predicted, sigma)
@@ -363,22 +346,21 @@ class Mapper:
         pose = Transform2D(float(match.pose[0]), float(match.pose[1]), normalize_angle(float(match.pose[2])))
         relative = start.inverse() @ pose
         correction = predicted.inverse() @ pose
-        if not has_odometry:
-            dt = max(stamp - self.passing[-1].stamp, 1e-3)
-            made = (start @ self.passing[-1].step).inverse() @ pose
+        if guessed is not None:
+            stamp_before, k_before, *made_before = self._track[-5:]
+            dt = max(stamp - stamp_before, 1e-3)
+            made = (self._keyframe_pose(int(k_before)) @ Transform2D(*made_before)).inverse() @ pose
             self._velocity = Transform2D(made.x / dt, made.y / dt, made.yaw / dt) if fits else Transform2D()
-            near = math.hypot(relative.x, relative.y) < p.minimum_travel_distance
-            if near and abs(relative.yaw) < p.minimum_travel_heading:
-                self._moved = relative
-                self.passing.append(Passing(stamp, last, relative))
-                return MatchResult(stamp, Pose2D(*pose), None, match.response, correction)
-        odometry = self._moved
+        far = math.hypot(relative.x, relative.y) >= p.minimum_travel_distance
+        if not (far or abs(relative.yaw) >= p.minimum_travel_heading):
+            self._moved = self._matched = relative
+            self._passed(stamp)
+            return MatchResult(stamp, Pose2D(*pose), None, match.response, correction)
+        driven = self._driven if guessed is None else relative
         k = self._add_keyframe(stamp, scan, sensor, pose)
         self.graph.edges.append(Edge(last, k, relative, edge_information(match.hessian, pose.yaw, EDGE_FLOOR)))
         self._lengths.append(math.hypot(relative.x, relative.y) + 0.3 * abs(relative.yaw))
-        self.steps.append(
-            Step(k, stamp, odometry if has_odometry else relative, relative, sigma, match.response if fits else math.nan)
-        )
+        self.steps.append(Step(k, stamp, driven, relative, sigma, match.response if fits else math.nan))
         decided = self._close_loops(k) if p.do_loop_closing else ()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
 
@@ -414,9 +396,14 @@ class Mapper:
         self.graph.poses = self._poses[: k + 1]
         step = 0.0 if k == 0 else math.hypot(*(self._poses[k, :2] - self._poses[k - 1, :2]))
         self._travelled.append(self.travelled + step)
-        self.passing.append(Passing(stamp, k, Transform2D()))
-        self._moved, self._local = Transform2D(), None
+        self._moved = self._matched = self._driven = Transform2D()
+        self._local = None
+        self._passed(stamp)
         return k
+
+    def _passed(self, stamp: float) -> None:
+        """Keep the place of a scan: its stamp, the last keyframe, and the step from there."""
+        self._track.extend((stamp, len(self.keyframes) - 1, *self._moved))
 
     def _keyframe_pose(self, k: int) -> Transform2D:
         return Transform2D(*self._poses[k].tolist())
