@@ -170,6 +170,7 @@ class Mapper:
         self._pending: list[Loop] = []
         self._poses: NDArray[np.float64] = np.empty((64, 3))
         self._lengths: list[float] = []
+        self._middles: list[tuple[float, float]] = []
         self._travelled: list[float] = []
         self._last: tuple[float, Transform2D | None] | None = None
         self._moved = Transform2D()
@@ -332,12 +333,12 @@ class Mapper:
         moved, turned = math.hypot(since.x, since.y), abs(since.yaw)
         if guessed is None:
             sigma = (
-                0.02 + p.odometry_distance_error * moved + 0.02 * turned,
-                0.01 + p.odometry_heading_error * turned + 0.03 * moved,
+                0.03 + p.odometry_distance_error * moved + 0.02 * turned,
+                0.02 + p.odometry_heading_error * turned + 0.03 * moved,
             )
         else:
             sigma = 0.1 + 0.3 * math.hypot(guessed.x, guessed.y), 0.1 + 0.3 * abs(guessed.yaw)
-        match = self._best_match(surface, predicted, sigma)
+        match = self._best_match(surface, predicted, sigma, widely=guessed is not None)
         fits = match.response >= p.link_match_minimum_response_fine
         prior = _prior(predicted, sigma)
         if not fits:
@@ -364,8 +365,14 @@ class Mapper:
         decided = self._close_loops(k) if p.do_loop_closing else ()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
 
-    def _best_match(self, surface: NDArray[np.float64], predicted: Transform2D, sigma: tuple[float, float]) -> Match:
-        """Return the match near the prediction; where nothing fits there, the best of a wide search if it fits well."""
+    def _best_match(
+        self, surface: NDArray[np.float64], predicted: Transform2D, sigma: tuple[float, float], *, widely: bool
+    ) -> Match:
+        """Return the match near the prediction; `widely`: where nothing fits there, the best of a wide search if it fits well.
+
+        After a step of the odometry there is no wide search: a scan that sees mostly new things fits badly where it belongs, and
+        somewhere else by chance.
+        """
         p = self.params
         if self._local is None:
             first = max(0, len(self.keyframes) - p.scan_buffer_size)
@@ -380,7 +387,7 @@ class Mapper:
         found, _ = self._local.search(surface, predicted, half_m=half_m, half_rad=half_rad, sigma=sigma)
         prior = _prior(predicted, sigma)
         match = self._local.align(surface, found, (predicted, prior))
-        if match.response < 0.5:
+        if widely and match.response < 0.5:
             found, _ = self._local.search(surface, predicted, half_m=2.0, half_rad=1.2, sigma=(2.0, 1.0))
             wide = self._local.align(surface, found)
             if wide.response > match.response + 0.15:
@@ -394,6 +401,8 @@ class Mapper:
             self._poses = np.concatenate((self._poses, np.empty_like(self._poses)))
         self._poses[k] = pose
         self.graph.poses = self._poses[: k + 1]
+        surface = self.keyframes.surface(k, self.params.max_laser_range)
+        self._middles.append((float(surface[:, 0].mean()), float(surface[:, 1].mean())))
         step = 0.0 if k == 0 else math.hypot(*(self._poses[k, :2] - self._poses[k - 1, :2]))
         self._travelled.append(self.travelled + step)
         self._moved = self._matched = self._driven = Transform2D()
@@ -433,12 +442,19 @@ class Mapper:
         return tuple(decided)
 
     def _places(self, k: int) -> list[tuple[int, float, tuple[float, float]]]:
-        """Return the nearest keyframe of each place to compare, its distance in the graph (m), and the drift to expect."""
+        """Return the nearest keyframe of each place to compare, its distance in the graph (m), and the drift to expect.
+
+        Near are scans whose points are near each other, on average: a narrow scan sees a place that is ahead of the robot.
+        """
         p = self.params
         end = k - p.scan_buffer_size
         if end < 1 or self.travelled - self._tried_at < 0.5:
             return []
-        away = np.hypot(*(self.graph.poses[:end, :2] - self.graph.poses[k, :2]).T)
+        poses, middles = self.graph.poses, np.array(self._middles)
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x = poses[:, 0] + c * middles[:, 0] - s * middles[:, 1]
+        y = poses[:, 1] + s * middles[:, 0] + c * middles[:, 1]
+        away = np.hypot(x[:end] - x[k], y[:end] - y[k])
         widest = 0.5 * p.loop_search_space_dimension
         if not (away < p.loop_search_maximum_distance + widest).any():
             return []

@@ -265,7 +265,7 @@ def logged(
         k = int(rng.integers(0, len(path) - 200)) if len(path) > 200 else 0
         line = path[k : k + 200 : 20] + rng.normal(0.0, 0.2, 2)
         motion = OnTrack(kind="track", points=line.tolist(), speed=0.8, start_offset=float(rng.uniform(0, 10)))
-        walkers.append(Shape(kind="disc", pose=[0.0, 0.0, 0.0], radius=0.25, motion=motion))
+        walkers.append(Shape(pose=[0.0, 0.0, 0.0], radius=0.25, motion=motion))
     world, sensor = World(grid, shapes=walkers), Lidar(lidar, seed=seed, number=0)
     scale, bias = 1.0 + rng.normal(0.0, 0.015), rng.normal(0.0, 0.01)
     odometry, last, slipping = Transform2D(), None, 0
