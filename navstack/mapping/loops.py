@@ -81,8 +81,15 @@ LOOP_FLOOR: Final = np.diag([0.02**2, 0.02**2, 0.004**2])
 """The same of a loop: the earlier scans are not placed exactly among themselves."""
 LEAST_INFORMATION: Final = 1.0 / 0.1**2
 """A loop must determine the position to 0.1 m in every direction."""
+LEAST_SHARE: Final = 0.08
+"""and the points must say this much about the direction that they know worst, relative to the best: a few points at the end of a
+corridor can be anything."""
 _OTHER_M, _OTHER_RAD = 0.6, 0.3
 """From here on, a pose is another one: wider than the likelihood around one maximum."""
+_STAYS_SEEN, _STAYS_FREE = 0.2, 0.2
+"""A scan also fits where it is if this share of it is on surfaces, and in free space at most this much of that. What nobody has
+seen does not count: near the edge of what is known, the true pose explains less of a scan than a false one further inside."""
+_SMALL_SHIFT_M, _FAR_ENOUGH_M = 0.3, 4.0
 
 
 def edge_information(hessian: NDArray[np.float64], yaw: float, floor: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,9 +126,12 @@ def compare(
     match = surfaces.align(scene.surface, found)
     figures["response"], figures["rms"] = match.response, match.rms
     pose = Transform2D(float(match.pose[0]), float(match.pose[1]), normalize_angle(float(match.pose[2])))
+    if math.hypot(pose.x - scene.pose.x, pose.y - scene.pose.y) > half_m:
+        return figures, pose, nothing, f"the correction is larger than the drift can be: {half_m:.1f} m"
     if match.response < params.loop_match_minimum_response_fine:
         return figures, pose, nothing, f"the scan does not fit: response {match.response:.2f}"
-    if _least_information(match.hessian) < LEAST_INFORMATION:
+    least, most = _position_information(match.hessian)
+    if least < max(LEAST_INFORMATION, LEAST_SHARE * most):
         return figures, pose, nothing, "the position is not determined in one direction, as along a corridor"
     other = (*pose, _OTHER_M, _OTHER_RAD)
     second, figures["runner_up"] = surfaces.search(
@@ -130,14 +140,20 @@ def compare(
     runner = surfaces.align(scene.surface, second)
     if runner.response > params.loop_match_maximum_runner_up * match.response and _differ(runner.pose, match.pose):
         return figures, pose, nothing, f"ambiguous: another pose has response {runner.response:.2f}"
-    points = pose.apply_points(np.ascontiguousarray(scene.surface[:, :2]))
     seen = [
         (each.pose.apply_points(each.eye[None])[0], each.pose.apply_points(np.ascontiguousarray(each.surface[:, :2])))
         for each in chain
     ]
-    figures["contradiction"] = surfaces.contradictions(seen, points)
+    points = np.ascontiguousarray(scene.surface[:, :2])
+    _, figures["contradiction"] = surfaces.agreement(seen, pose.apply_points(points))
     if figures["contradiction"] > params.loop_match_maximum_contradiction:
         return figures, pose, nothing, f"{figures['contradiction']:.0%} of the points are in free space of the place"
+    if _differ(np.array(pose), np.array(scene.pose)):
+        stays, _ = surfaces.search(scene.surface, scene.pose, half_m=0.3 + 0.25 * half_m, half_rad=0.15, step_rad=0.02)
+        here = surfaces.align(scene.surface, stays)
+        near, free = surfaces.agreement(seen, Transform2D(*here.pose.tolist()).apply_points(points))
+        if _differ(here.pose, match.pose) and near > _STAYS_SEEN and free < _STAYS_FREE * near:
+            return figures, pose, nothing, f"ambiguous: the scan also fits where it is, {near:.0%} of it on surfaces"
     return figures, pose, edge_information(match.hessian, pose.yaw, LOOP_FLOOR), ""
 
 
@@ -145,18 +161,23 @@ def _differ(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return math.hypot(a[0] - b[0], a[1] - b[1]) > 0.5 * _OTHER_M or abs(normalize_angle(float(a[2] - b[2]))) > 0.15
 
 
-def _least_information(hessian: NDArray[np.float64]) -> float:
-    """Return the information about the position in the direction that is known worst, whatever the heading is."""
+def _position_information(hessian: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the information about the position in the directions that are known worst and best, whatever the heading is."""
     h = hessian
     turn = max(float(h[2, 2]), 1e-9)
     a, b, d = h[0, 0] - h[0, 2] ** 2 / turn, h[0, 1] - h[0, 2] * h[1, 2] / turn, h[1, 1] - h[1, 2] ** 2 / turn
     half = 0.5 * (a + d)
-    return float(half - math.sqrt(max(half * half - (a * d - b * b), 0.0)))
+    root = math.sqrt(max(half * half - (a * d - b * b), 0.0))
+    return float(half - root), float(half + root)
 
 
 def agree(first: Loop, second: Loop, poses: NDArray[np.float64], travelled: float) -> bool:
-    """Return whether two loops ask for the same correction of the later keyframe; `travelled` between them (m)."""
-    if first.keyframe == second.keyframe:
+    """Return whether two loops ask for the same correction of the later keyframe; `travelled` between them (m).
+
+    For a large correction they must be as far apart: scans from nearly the same pose share their mistakes.
+    """
+    shift = max(math.hypot(*loop.correction[:2]) for loop in (first, second))
+    if first.keyframe == second.keyframe or (shift > _SMALL_SHIFT_M and travelled < min(1.5 * shift, _FAR_ENOUGH_M)):
         return False
     corrections = []
     for loop in (first, second):

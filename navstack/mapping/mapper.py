@@ -38,6 +38,8 @@ ODOMETRY_TURN_RATE: Final = 6.0
 NEAR_M: Final = 0.05
 NEAR_RAD: Final = 0.05
 """A scan within this motion from the last match keeps the odometry's pose: nothing is gained by matching it."""
+WIDE_RAD: Final = 2.6
+"""A scan of at least this angle sees enough walls to recognize a place by itself."""
 KERNEL_WIDTH: Final = 3.0
 """Loops with an error of more standard deviations than this lose weight when the graph is solved."""
 
@@ -405,10 +407,10 @@ class Mapper:
     def _best_match(
         self, surface: NDArray[np.float64], predicted: Transform2D, sigma: tuple[float, float], *, widely: bool
     ) -> Match:
-        """Return the match near the prediction; `widely`: where nothing fits there, the best of a wide search if it fits well.
+        """Return the match near the prediction; where nothing fits there, the best of a wider search if it fits better.
 
-        After a step of the odometry there is no wide search: a scan that sees mostly new things fits badly where it belongs, and
-        somewhere else by chance.
+        `widely`: there was no odometry. After a step of the odometry the wider search is narrow enough for a slip: a scan that
+        sees mostly new things fits badly where it belongs, and somewhere else by chance.
         """
         p = self.params
         if self._local is None:
@@ -424,10 +426,11 @@ class Mapper:
         found, _ = self._local.search(surface, predicted, half_m=half_m, half_rad=half_rad, sigma=sigma)
         prior = _prior(predicted, sigma)
         match = self._local.align(surface, found, (predicted, prior))
-        if widely and match.response < 0.5:
-            found, _ = self._local.search(surface, predicted, half_m=2.0, half_rad=1.2, sigma=(2.0, 1.0))
+        if match.response < 0.5:
+            half, gain = ((2.0, 1.2), 0.15) if widely else ((0.4, 0.5), 0.2)
+            found, _ = self._local.search(surface, predicted, half_m=half[0], half_rad=half[1], sigma=half)
             wide = self._local.align(surface, found)
-            if wide.response > match.response + 0.15:
+            if wide.response > match.response + gain:
                 return wide._replace(hessian=wide.hessian + np.diag([1.0, 1.0, 1.0]))
         return match
 
@@ -497,7 +500,7 @@ class Mapper:
             return []
         self._tried_at = self.travelled
         path = self._paths(k)[:end]
-        drift = np.minimum(0.3 + 0.03 * path, widest)
+        drift = np.minimum(0.3 + 0.02 * path, widest)
         near = np.flatnonzero((away < p.loop_search_maximum_distance + drift) & (path >= p.loop_minimum_path))
         if not len(near):
             return []
@@ -525,10 +528,15 @@ class Mapper:
         )
 
     def _compare(self, k: int, place: int, path: float, drift: tuple[float, float]) -> tuple[Loop, str]:
-        size = self.params.loop_match_minimum_chain_size
+        together = self._seen_together(k)
+        size = max(self.params.loop_match_minimum_chain_size, 2 * together)
         first = max(0, place - size // 2)
         chain = range(first, min(first + size, k - self.params.scan_buffer_size))
         scene, at = self._scene(k), self._keyframe_pose(place)
+        if together > 1:
+            others = [self._scene(j) for j in range(max(chain[-1] + 1, k - together + 1), k)]
+            seen = [_moved(each.surface, scene.pose.inverse() @ each.pose) for each in others]
+            scene = scene._replace(surface=np.concatenate([*seen, scene.surface]))
         figures, pose, information, why_not = compare(scene, [self._scene(j) for j in chain], at, drift, self.params)
         x, y, yaw = scene.pose.inverse() @ pose
         stamps = self.keyframes.stamps
@@ -544,6 +552,12 @@ class Mapper:
             information=information,
         )
         return loop, why_not
+
+    def _seen_together(self, k: int) -> int:
+        """Return how many of the last keyframes to compare with a place together: a narrow scan alone looks like many places."""
+        _, step, *_ = self.keyframes.known_setups[self.keyframes.setups[k]]
+        angle = abs(step) * len(self.keyframes.ranges[k])
+        return 1 if angle > WIDE_RAD else min(2 * math.ceil(math.pi / max(angle, 0.1)), self.params.scan_buffer_size)
 
     def _decide(self, loop: Loop, accepted: bool, reason: str) -> Loop:
         loop.accepted, loop.reason = accepted, reason
@@ -588,6 +602,12 @@ def _expand(scan: LaserScan) -> LaserScan:
     return LaserScan(
         _expanded(compact_ranges(scan)), scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.stamp
     )
+
+
+def _moved(surface: NDArray[np.float64], pose: Transform2D) -> NDArray[np.float64]:
+    """Return points with normals (n, 4) of a frame at `pose`, in the frame that this pose is in."""
+    turned = Transform2D(0.0, 0.0, pose.yaw).apply_points(np.ascontiguousarray(surface[:, 2:]))
+    return np.column_stack((pose.apply_points(np.ascontiguousarray(surface[:, :2])), turned))
 
 
 def _prior(pose: Transform2D, sigma: tuple[float, float]) -> NDArray[np.float64]:

@@ -382,8 +382,13 @@ class Surfaces:
         pose, hessian, quality = align_surface(np.array(guess), surface, self.sums, self.corner, settings, row)
         return Match(pose, hessian, *quality.tolist())
 
-    def contradictions(self, scans: list[tuple[NDArray[np.float64], NDArray[np.float64]]], points: NDArray[np.float64]) -> float:
-        """Return the share of points (n, 2) in space that `scans` (eye, ends (m, 2)) have seen free, far from any surface."""
+    def agreement(
+        self, scans: list[tuple[NDArray[np.float64], NDArray[np.float64]]], points: NDArray[np.float64]
+    ) -> tuple[float, float]:
+        """Return the shares of points (n, 2) near a surface, and in space that `scans` (eye, ends (m, 2)) have seen free.
+
+        The rest is in space that nobody has seen, which says nothing about a pose.
+        """
         ny, nx = self.sums.shape[:2]
         free = np.zeros((ny, nx), np.uint8)
         for eye, ends in scans:
@@ -395,4 +400,5 @@ class Surfaces:
         for v in range(-2, 3):
             for u in range(-2, 3):
                 near |= self.sums[iy + v, ix + u, 0] > 0.0
-        return float(((free[iy, ix] > 0) & ~near).sum()) / max(len(points), 1)
+        n = max(len(points), 1)
+        return float(near.sum()) / n, float(((free[iy, ix] > 0) & ~near).sum()) / n
