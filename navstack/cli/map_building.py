@@ -51,9 +51,13 @@ def build(
     ],
     set_: Annotated[
         list[str],
-        typer.Option("--set", metavar="NAME=VALUE", help="Parameter of the mapper, such as minimum_travel_distance=0.5."),
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Parameter of the mapper, such as minimum_travel_distance=0.5."
+        ),
     ] = [],
-    no_odometry: Annotated[bool, typer.Option("--no-odometry", help="Match scans only; they must overlap well.")] = False,
+    no_odometry: Annotated[
+        bool, typer.Option("--no-odometry", help="Match scans only; they must overlap well.")
+    ] = False,
     turn_laser: Annotated[
         float, typer.Option("--turn-laser", metavar="RAD", help="Add this to the yaw of the laser on the base.")
     ] = 0.0,
@@ -83,7 +87,9 @@ def build(
     mapper = load_session(files["mapping"]) if resume else Mapper(params)
     if resume and set_ and mapper.params != params:
         raise InputError("--resume goes on with the parameters of the mapping; leave --set out", argument="--set")
-    drive = open_scan_log(log, drive_options(topic, mount, reference="none", partial=partial, poses_suffice=no_odometry))
+    drive = open_scan_log(
+        log, drive_options(topic, mount, reference="none", partial=partial, poses_suffice=no_odometry)
+    )
     with loading_kernels(quiet=json_):
         _add_scans(mapper, drive, files["mapping"], no_odometry, turn_laser, limit, quiet=json_)
         unfinished = limit is not None
@@ -155,7 +161,9 @@ def mapper_params(texts: list[str]) -> MapperParams:
         if not separator or name not in MapperParams.model_fields:
             near = nearest(name, MapperParams.model_fields)
             hint = f'did you mean "{near}"?' if near else f"known: {', '.join(MapperParams.model_fields)}"
-            raise InputError(f'--set "{text}": give NAME=VALUE with a parameter of the mapper; {hint}', argument="--set")
+            raise InputError(
+                f'--set "{text}": give NAME=VALUE with a parameter of the mapper; {hint}', argument="--set"
+            )
         values[name] = value
     try:
         return MapperParams.model_validate_strings(values)

@@ -186,4 +186,6 @@ def agree(first: Loop, second: Loop, poses: NDArray[np.float64], travelled: floa
     at = Transform2D(*poses[second.keyframe].tolist())
     a, b = (correction @ at for correction in corrections)
     tolerance = 0.15 + 0.02 * travelled
-    return math.hypot(a.x - b.x, a.y - b.y) < tolerance and abs(normalize_angle(a.yaw - b.yaw)) < 0.04 + 0.005 * travelled
+    return (
+        math.hypot(a.x - b.x, a.y - b.y) < tolerance and abs(normalize_angle(a.yaw - b.yaw)) < 0.04 + 0.005 * travelled
+    )

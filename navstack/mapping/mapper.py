@@ -253,7 +253,9 @@ class Mapper:
             return MatchResult(stamp, Pose2D(0.0, 0.0, 0.0), 0)
         before, last_odometry = self._last
         step = self._motion(stamp, before, last_odometry, odom)
-        has_odometry = odom is not None and last_odometry is not None and not self._has_jumped(stamp, before, step, True)
+        has_odometry = (
+            odom is not None and last_odometry is not None and not self._has_jumped(stamp, before, step, True)
+        )
         if not has_odometry:
             dt = stamp - before
             v = self._velocity
@@ -289,7 +291,9 @@ class Mapper:
     def state(self) -> dict[str, Any]:
         """Return what else the mapper needs to go on, for JSON; `restore` takes it."""
         return {
-            "last": None if self._last is None else [self._last[0], None if self._last[1] is None else list(self._last[1])],
+            "last": None
+            if self._last is None
+            else [self._last[0], None if self._last[1] is None else list(self._last[1])],
             "moved": list(self._moved),
             "driven": list(self._driven),
             "matched": list(self._matched),
@@ -318,9 +322,7 @@ class Mapper:
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
-    def _defect(
-        self, stamp: float, odometry: Transform2D | Pose2D | None, scan: LaserScan, sensor: Transform2D
-    ) -> str:
+    def _defect(self, stamp: float, odometry: Transform2D | Pose2D | None, scan: LaserScan, sensor: Transform2D) -> str:
         if not math.isfinite(stamp):
             return "its time is not finite"
         if odometry is not None and not all(map(math.isfinite, odometry)):
@@ -504,9 +506,7 @@ class Mapper:
         near = np.flatnonzero((away < p.loop_search_maximum_distance + drift) & (path >= p.loop_minimum_path))
         if not len(near):
             return []
-        chains = [
-            chain for chain in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1) if len(chain) >= 1
-        ]
+        chains = [chain for chain in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1) if len(chain) >= 1]
         nearest = [int(chain[np.argmin(away[chain])]) for chain in chains]
         nearest.sort(key=lambda j: (away[j], j))
         return [(j, float(path[j]), (float(drift[j]), min(0.15 + 0.004 * float(path[j]), 0.5))) for j in nearest[:2]]
@@ -584,7 +584,9 @@ class Mapper:
                 reason = f"a match along the way would be off by {worst:.1f} standard deviations"
                 return [self._decide(loop, False, reason) for loop in loops]
         return [
-            self._decide(loop, True, f"confirmed by keyframe {next(n for n in reversed(numbers) if n != loop.keyframe)}")
+            self._decide(
+                loop, True, f"confirmed by keyframe {next(n for n in reversed(numbers) if n != loop.keyframe)}"
+            )
             for loop in loops
         ]
 
@@ -594,13 +596,20 @@ class Mapper:
         self._poses[: len(solution.poses)] = solution.poses
         self._local, self._unsolved = None, 0
         chi2 = self.graph.edge_chi2()
-        return math.sqrt(max((c for c, e in zip(chi2.tolist(), self.graph.edges, strict=True) if not e.is_loop), default=0.0))
+        return math.sqrt(
+            max((c for c, e in zip(chi2.tolist(), self.graph.edges, strict=True) if not e.is_loop), default=0.0)
+        )
 
 
 def _expand(scan: LaserScan) -> LaserScan:
     """Return the scan as the store keeps it, so that the points of a match are those of the keyframe."""
     return LaserScan(
-        _expanded(compact_ranges(scan)), scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.stamp
+        _expanded(compact_ranges(scan)),
+        scan.angle_min,
+        scan.angle_increment,
+        scan.range_min,
+        scan.range_max,
+        scan.stamp,
     )
 
 

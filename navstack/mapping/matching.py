@@ -370,7 +370,10 @@ class Surfaces:
         return Transform2D(x, y, yaw), mean
 
     def align(
-        self, surface: NDArray[np.float64], guess: Transform2D, prior: tuple[Transform2D, NDArray[np.float64]] | None = None
+        self,
+        surface: NDArray[np.float64],
+        guess: Transform2D,
+        prior: tuple[Transform2D, NDArray[np.float64]] | None = None,
     ) -> Match:
         """Return the pose near `guess` at which the scan fits best; `prior`: a pose and its information (3, 3)."""
         settings = np.array([CELL, SIGMA_M, INLIER_M, 20.0, INDEPENDENT])

@@ -301,9 +301,7 @@ def _from_rotations(arrays: _Arrays, start: NDArray[np.float64]) -> NDArray[np.f
     return poses
 
 
-def _linear(
-    arrays: _Arrays, n: int, information: NDArray[np.float64], e: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _linear(arrays: _Arrays, n: int, information: NDArray[np.float64], e: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (n - 1, d) values that fit best to differences `-e` (m, d) with `information` (m, d, d); the first is 0."""
     from scipy.sparse import coo_matrix
 

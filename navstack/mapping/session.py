@@ -61,7 +61,16 @@ def load_session(path: str | Path) -> Mapper:
         if document["format"] != FORMAT:
             raise LogError(f"{path} is of format {document['format']}, not {FORMAT}; make the map again from its log")
         return _restored(arrays, document)
-    except (OSError, ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile, zlib.error, ValidationError) as exc:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        IndexError,
+        zipfile.BadZipFile,
+        zlib.error,
+        ValidationError,
+    ) as exc:
         why = exc.strerror if isinstance(exc, OSError) and exc.strerror else f"it is no file of a mapping ({exc})"
         raise LogError(
             f"cannot read {path}: {why}; `navstack map build` writes one next to its map", file=str(path)
@@ -110,5 +119,3 @@ def _step(values: dict[str, Any]) -> Step:
     odometry, matched = Transform2D(*values["odometry"]), Transform2D(*values["matched"])
     sigma = float(values["sigma"][0]), float(values["sigma"][1])
     return Step(values["keyframe"], values["stamp"], odometry, matched, sigma, _number(values["response"]))
-
-

@@ -97,7 +97,9 @@ LOGS = {
 }
 
 
-def run(frames: Iterable[LoggedScan], params: MapperParams | None = None, *, blind: bool = False) -> tuple[Mapper, float]:
+def run(
+    frames: Iterable[LoggedScan], params: MapperParams | None = None, *, blind: bool = False
+) -> tuple[Mapper, float]:
     """Map the scans; return the mapper and the processor time (s). `blind`: without the odometry."""
     mapper, spent = Mapper(params), 0.0
     for frame in frames:
@@ -123,7 +125,9 @@ def absolute_error(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> fl
     return float(np.sqrt(((moved - truth[:, :2]) ** 2).sum(1).mean()))
 
 
-def relation_errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def relation_errors(
+    poses: NDArray[np.float64], truth: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return translational (m) and rotational (degrees) errors of the relations between consecutive poses."""
 
     def steps(p: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -306,7 +310,9 @@ def resampled(grid: OccupancyGrid, cell: float = 0.05) -> OccupancyGrid:
     if factor <= 1:
         return grid
     data = np.repeat(np.repeat(grid.data, factor, 0), factor, 1)
-    return OccupancyGrid(data, GridGeometry(g.nx * factor, g.ny * factor, g.resolution / factor, g.origin_x, g.origin_y))
+    return OccupancyGrid(
+        data, GridGeometry(g.nx * factor, g.ny * factor, g.resolution / factor, g.origin_x, g.origin_y)
+    )
 
 
 RUNS = [

@@ -56,6 +56,8 @@ def map_(
         pose = change.frame.reference
         where = "" if pose is None else f" from ({pose.x:.2f}, {pose.y:.2f})"
         verb = "obstacle" if change.hit else "free    "
-        print(f"  keyframe {change.frame.index:5d} at {change.frame.scan.stamp:.1f} s{where}: {verb} -> {change.occupancy:.2f}")
+        print(
+            f"  keyframe {change.frame.index:5d} at {change.frame.scan.stamp:.1f} s{where}: {verb} -> {change.occupancy:.2f}"
+        )
     if len(changes) > _SHOWN:
         print(f"  and {len(changes) - _SHOWN} more; all with --json")
