@@ -73,6 +73,8 @@ class Scene(NamedTuple):
     """(2,) the sensor in the base frame."""
     pose: Transform2D
     """Of the base, by the graph."""
+    scans: int = 1
+    """Number of scans in it: their errors are not independent, so together they count as one."""
 
 
 EDGE_FLOOR: Final = np.diag([0.01**2, 0.01**2, 0.002**2])
@@ -81,7 +83,7 @@ LOOP_FLOOR: Final = np.diag([0.02**2, 0.02**2, 0.004**2])
 """The same of a loop: the earlier scans are not placed exactly among themselves."""
 LEAST_INFORMATION: Final = 1.0 / 0.1**2
 """A loop must determine the position to 0.1 m in every direction."""
-LEAST_SHARE: Final = 0.08
+LEAST_SHARE: Final = 0.1
 """and the points must say this much about the direction that they know worst, relative to the best: a few points at the end of a
 corridor can be anything."""
 _OTHER_M, _OTHER_RAD = 0.6, 0.3
@@ -130,7 +132,8 @@ def compare(
         return figures, pose, nothing, f"the correction is larger than the drift can be: {half_m:.1f} m"
     if match.response < params.loop_match_minimum_response_fine:
         return figures, pose, nothing, f"the scan does not fit: response {match.response:.2f}"
-    least, most = _position_information(match.hessian)
+    hessian = match.hessian / scene.scans
+    least, most = _position_information(hessian)
     if least < max(LEAST_INFORMATION, LEAST_SHARE * most):
         return figures, pose, nothing, "the position is not determined in one direction, as along a corridor"
     other = (*pose, _OTHER_M, _OTHER_RAD)
@@ -154,7 +157,7 @@ def compare(
         near, free = surfaces.agreement(seen, Transform2D(*here.pose.tolist()).apply_points(points))
         if _differ(here.pose, match.pose) and near > _STAYS_SEEN and free < _STAYS_FREE * near:
             return figures, pose, nothing, f"ambiguous: the scan also fits where it is, {near:.0%} of it on surfaces"
-    return figures, pose, edge_information(match.hessian, pose.yaw, LOOP_FLOOR), ""
+    return figures, pose, edge_information(hessian, pose.yaw, LOOP_FLOOR), ""
 
 
 def _differ(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:

@@ -433,7 +433,7 @@ class Mapper:
             found, _ = self._local.search(surface, predicted, half_m=half[0], half_rad=half[1], sigma=half)
             wide = self._local.align(surface, found)
             if wide.response > match.response + gain:
-                return wide._replace(hessian=wide.hessian + np.diag([1.0, 1.0, 1.0]))
+                return wide
         return match
 
     def _add_keyframe(self, stamp: float, scan: LaserScan, sensor: Transform2D, pose: Transform2D) -> int:
@@ -536,7 +536,7 @@ class Mapper:
         if together > 1:
             others = [self._scene(j) for j in range(max(chain[-1] + 1, k - together + 1), k)]
             seen = [_moved(each.surface, scene.pose.inverse() @ each.pose) for each in others]
-            scene = scene._replace(surface=np.concatenate([*seen, scene.surface]))
+            scene = scene._replace(surface=np.concatenate([*seen, scene.surface]), scans=len(seen) + 1)
         figures, pose, information, why_not = compare(scene, [self._scene(j) for j in chain], at, drift, self.params)
         x, y, yaw = scene.pose.inverse() @ pose
         stamps = self.keyframes.stamps

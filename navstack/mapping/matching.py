@@ -89,7 +89,7 @@ def add_surface(sums, surface, pose, corner, cell):
         px, py, ux, uy = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
         x = (pose[0] + c * px - s * py - corner[0]) / cell
         y = (pose[1] + s * px + c * py - corner[1]) / cell
-        ix, iy = int(math.floor(x)), int(math.floor(y))
+        ix, iy = math.floor(x), math.floor(y)
         if 0 <= ix < nx and 0 <= iy < ny:
             entry = sums[iy, ix]
             entry[0] += 1.0
@@ -107,7 +107,7 @@ def likelihood_pyramid(sums, cell, smear, levels):
     """
     ny, nx = sums.shape[:2]
     pyramid = np.zeros((levels, ny, nx), np.uint8)
-    reach = int(math.ceil(2.5 * smear / cell))
+    reach = math.ceil(2.5 * smear / cell)
     for iy in range(ny):
         for ix in range(nx):
             n = sums[iy, ix, 0]
@@ -154,7 +154,7 @@ def search_poses(pyramid, points, guess, corner, window, other):
     levels = pyramid.shape[0]
     cell, evidence = window[0], window[6]
     n = points.shape[0]
-    half, turns = int(math.ceil(window[1] / cell)), int(math.ceil(window[2] / window[3]))
+    half, turns = math.ceil(window[1] / cell), math.ceil(window[2] / window[3])
     block = 1 << (levels - 1)
     across = (2 * half + block) // block
     xs, ys = np.empty((2 * turns + 1, n), np.int64), np.empty((2 * turns + 1, n), np.int64)
@@ -165,8 +165,8 @@ def search_poses(pyramid, points, guess, corner, window, other):
         a = guess[2] + (k - turns) * window[3]
         c, s = math.cos(a), math.sin(a)
         for j in range(n):
-            xs[k, j] = int(math.floor((guess[0] + c * points[j, 0] - s * points[j, 1] - corner[0]) / cell))
-            ys[k, j] = int(math.floor((guess[1] + s * points[j, 0] + c * points[j, 1] - corner[1]) / cell))
+            xs[k, j] = math.floor((guess[0] + c * points[j, 0] - s * points[j, 1] - corner[0]) / cell)
+            ys[k, j] = math.floor((guess[1] + s * points[j, 0] + c * points[j, 1] - corner[1]) / cell)
         turned = -0.5 * ((k - turns) * window[3] / window[5]) ** 2
         for b in range(across * across):
             u, v = (b % across) * block - half, (b // across) * block - half
@@ -242,7 +242,7 @@ def align_surface(pose, surface, sums, corner, settings, prior):
         for i in range(n):
             rx, ry = c * surface[i, 0] - s * surface[i, 1], s * surface[i, 0] + c * surface[i, 1]
             x, y = (found[0] + rx - corner[0]) / cell, (found[1] + ry - corner[1]) / cell
-            ix, iy = int(math.floor(x)), int(math.floor(y))
+            ix, iy = math.floor(x), math.floor(y)
             ux = c * surface[i, 2] - s * surface[i, 3]
             uy = s * surface[i, 2] + c * surface[i, 3]
             near, qx, qy, mx, my = 1e9, 0.0, 0.0, 0.0, 0.0
@@ -301,12 +301,12 @@ def align_surface(pose, surface, sums, corner, settings, prior):
 def trace_free(free, eye, ends, corner, cell):
     """Set `free` (ny, nx) to 1 in the cells that the beams from `eye` (2,) to `ends` (n, 2) pass, but the last 3 of each."""
     ny, nx = free.shape
-    x0, y0 = int(math.floor((eye[0] - corner[0]) / cell)), int(math.floor((eye[1] - corner[1]) / cell))
+    x0, y0 = math.floor((eye[0] - corner[0]) / cell), math.floor((eye[1] - corner[1]) / cell)
     flat = free.ravel()
     if not (0 <= x0 < nx and 0 <= y0 < ny):
         return
     for i in range(ends.shape[0]):
-        x, y = int(math.floor((ends[i, 0] - corner[0]) / cell)), int(math.floor((ends[i, 1] - corner[1]) / cell))
+        x, y = math.floor((ends[i, 0] - corner[0]) / cell), math.floor((ends[i, 1] - corner[1]) / cell)
         if not (0 <= x < nx and 0 <= y < ny):
             continue
         line = line_start(x0, y0, x, y, nx)
@@ -314,6 +314,10 @@ def trace_free(free, eye, ends, corner, cell):
         for _ in range(line[0] - 3):
             flat[at] = 1
             at, error = line_next(at, error, line)
+
+
+WEAK: Final = 1.0 / 0.4**2
+"""Information of the weak prior (1/m^2, 1/rad^2)."""
 
 
 class Match(NamedTuple):
@@ -375,10 +379,14 @@ class Surfaces:
         guess: Transform2D,
         prior: tuple[Transform2D, NDArray[np.float64]] | None = None,
     ) -> Match:
-        """Return the pose near `guess` at which the scan fits best; `prior`: a pose and its information (3, 3)."""
+        """Return the pose near `guess` at which the scan fits best; `prior`: a pose and its information (3, 3).
+
+        Without one, a weak prior around the guess keeps a scan from sliding along a corridor.
+        """
         settings = np.array([CELL, SIGMA_M, INLIER_M, 20.0, INDEPENDENT])
         row = np.zeros(9)
         row[:3] = guess
+        row[[3, 6, 8]] = WEAK
         if prior is not None:
             row[:3] = prior[0]
             row[3:] = prior[1][np.triu_indices(3)]

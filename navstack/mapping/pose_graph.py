@@ -379,14 +379,13 @@ def write_g2o(graph: PoseGraph, path: str | Path) -> Path:
     """Write a graph; numbers have all digits, so that reading gives the same graph."""
     names = graph.ids or range(len(graph.poses))
     upper = np.triu_indices(3)
-    with atomic_write(Path(path)) as out:
-        with out.open("w", encoding="utf-8") as file:
-            for name, pose in zip(names, graph.poses.tolist(), strict=True):
-                file.write(f"VERTEX_SE2 {name} {' '.join(map(repr, pose))}\n")
-            file.write(f"FIX {names[0]}\n")
-            for edge in graph.edges:
-                numbers = [*map(float, edge.measured), *edge.information[upper].tolist()]
-                file.write(f"EDGE_SE2 {names[edge.i]} {names[edge.j]} {' '.join(map(repr, numbers))}\n")
+    with atomic_write(Path(path)) as out, out.open("w", encoding="utf-8") as file:
+        for name, pose in zip(names, graph.poses.tolist(), strict=True):
+            file.write(f"VERTEX_SE2 {name} {' '.join(map(repr, pose))}\n")
+        file.write(f"FIX {names[0]}\n")
+        for edge in graph.edges:
+            numbers = [*map(float, edge.measured), *edge.information[upper].tolist()]
+            file.write(f"EDGE_SE2 {names[edge.i]} {names[edge.j]} {' '.join(map(repr, numbers))}\n")
     return Path(path)
 
 

@@ -28,7 +28,7 @@ def square(side: int = 10, laps: int = 2, seed: int = 0) -> tuple[PoseGraph, np.
         edges.append(Edge(k, k + 1, noisy, information))
     lap = 4 * side
     for k in range(0, len(truth) - lap, 5):
-        edges.append(Edge(k, k + lap, truth[k].inverse() @ truth[k + lap], information * 100.0, True))
+        edges += [Edge(k, k + lap, truth[k].inverse() @ truth[k + lap], information * 100.0, True)]
     graph = PoseGraph(np.zeros((len(truth), 3)), edges)
     return graph, np.array(truth)
 
