@@ -13,6 +13,7 @@ used. `Log` describes what every format offers.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.logs.carmen import read_lines as read_lines
     from navstack.logs.carmen import read_relations as read_relations
     from navstack.logs.contents import CLOCKS_DIFFER_S as CLOCKS_DIFFER_S
     from navstack.logs.contents import LOOK_AHEAD_S as LOOK_AHEAD_S
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from navstack.logs.log import Log as Log
     from navstack.logs.log import LogMessage as LogMessage
     from navstack.logs.mapping import MappingModel as MappingModel
+    from navstack.logs.mapping import cell_changes as cell_changes
     from navstack.logs.mapping import map_from_frames as map_from_frames
     from navstack.logs.scan_log import RunScanLog as RunScanLog
     from navstack.logs.scan_log import ScanLog as ScanLog

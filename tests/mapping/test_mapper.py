@@ -1,0 +1,192 @@
+"""The mapper: its track, loops, map, report, and inputs that are defective."""
+
+import dataclasses
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navstack.core import LaserScan, LogError, Transform2D
+from navstack.mapping import Mapper, MapperParams, load_session, report_document, save_session
+from tests.mapping.simulated import lap
+
+pytestmark = pytest.mark.slow
+
+
+def mapped(*, blind: bool = False, params: MapperParams | None = None, count: int | None = None) -> Mapper:
+    """Return the mapper after a lap."""
+    mapper = Mapper(params)
+    for frame, _ in lap()[:count]:
+        mapper.add_scan(frame.scan.stamp, None if blind else frame.odometry, frame.scan)
+    mapper.finish()
+    return mapper
+
+
+def worst_error(mapper: Mapper) -> float:
+    """Return the largest distance of the track from the truth, which begins where the map does (m)."""
+    start = lap()[0][1]
+    truth = start.inverse().apply_poses(np.array([pose for _, pose in lap()]))
+    stamps, poses = mapper.trajectory()
+    row = np.searchsorted([frame.scan.stamp for frame, _ in lap()], stamps)
+    return float(np.hypot(*(poses - truth[row])[:, :2].T).max())
+
+
+@pytest.fixture(scope="module")
+def finished() -> Mapper:
+    return mapped()
+
+
+def test_a_lap_is_closed_and_its_track_is_the_truth(finished: Mapper) -> None:
+    drift = (lap()[0][1].inverse() @ lap()[-1][1]).inverse() @ lap()[-1][0].odometry
+    assert math.hypot(drift.x, drift.y) > 1.0
+    assert worst_error(finished) < 0.1
+    assert sum(loop.accepted for loop in finished.loops) >= 2
+    for loop in finished.loops:
+        assert loop.reason
+        assert str(loop).startswith("accepted" if loop.accepted else "rejected")
+
+
+def test_accepted_loops_are_true(finished: Mapper) -> None:
+    truth = {frame.scan.stamp: pose for frame, pose in lap()}
+    for loop in finished.loops:
+        if loop.accepted:
+            error = loop.measured.inverse() @ (truth[loop.seen_at].inverse() @ truth[loop.stamp])
+            assert math.hypot(error.x, error.y) < 0.1
+            assert abs(error.yaw) < 0.03
+
+
+def test_scans_alone_suffice_where_they_overlap() -> None:
+    assert worst_error(mapped(blind=True)) < 0.2
+
+
+def test_the_map_has_the_walls_where_they_are(finished: Mapper) -> None:
+    import shapely
+
+    from tests.mapping.simulated import WALLS
+
+    grid = finished.map()
+    iy, ix = np.nonzero(grid.data == 100)
+    g = grid.geometry
+    points = np.column_stack((g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution))
+    world = lap()[0][1].apply_points(points)
+    away = shapely.distance(shapely.points(world), WALLS)
+    # within one cell of a wall: half its diagonal, and one cell
+    assert np.mean(away < 1.5 * g.resolution) > 0.97
+
+
+def test_the_same_scans_give_the_same_bits_on_any_number_of_threads(finished: Mapper, tmp_path: Path) -> None:
+    code = (
+        "import hashlib\n"
+        "from tests.mapping.test_mapper import mapped\n"
+        "m = mapped()\n"
+        "print(hashlib.sha256(m.graph.poses.tobytes() + m.map().data.tobytes()).hexdigest())"
+    )
+    import hashlib
+
+    here = hashlib.sha256(finished.graph.poses.tobytes() + finished.map().data.tobytes()).hexdigest()
+    import os
+
+    root = Path(__file__).parents[2]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(root)}
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=root, check=True
+    )
+    assert run.stdout.strip() == here
+
+
+def test_a_mapping_goes_on_to_the_same_bits_from_its_file(finished: Mapper, tmp_path: Path) -> None:
+    first = Mapper()
+    for frame, _ in lap()[:150]:
+        first.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    again = load_session(save_session(first, tmp_path / "map.mapping.npz"))
+    for frame, _ in lap()[150:]:
+        again.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    again.finish()
+    assert np.array_equal(again.graph.poses, finished.graph.poses)
+    assert [loop.reason for loop in again.loops] == [loop.reason for loop in finished.loops]
+    assert np.array_equal(again.trajectory()[1], finished.trajectory()[1])
+
+
+def test_files_that_are_no_mapping_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "map.mapping.npz"
+    with pytest.raises(LogError, match="cannot read"):
+        load_session(file)
+    file.write_bytes(b"PK\3\4 no")
+    with pytest.raises(LogError, match="no file of a mapping"):
+        load_session(file)
+    np.savez(file, ranges=np.zeros(3))
+    with pytest.raises(LogError, match="no file of a mapping"):
+        load_session(file)
+
+
+# --- hostile input ----------------------------------------------------------------------------------------------------
+
+
+def test_defective_scans_are_counted_and_change_nothing(finished: Mapper) -> None:
+    mapper = Mapper()
+    bad = np.full(181, np.nan, np.float32)
+    for n, (frame, _) in enumerate(lap()):
+        scan = frame.scan
+        mapper.add_scan(scan.stamp, frame.odometry, scan)
+        if n % 40 == 5:
+            assert mapper.add_scan(scan.stamp, frame.odometry, scan).rejected
+            assert mapper.add_scan(scan.stamp - 3.0, frame.odometry, scan).rejected
+            assert mapper.add_scan(math.nan, frame.odometry, scan).rejected
+            assert mapper.add_scan(scan.stamp + 0.01, Transform2D(math.nan, 0.0, 0.0), scan).rejected
+    mapper.finish()
+    assert np.array_equal(mapper.graph.poses, finished.graph.poses)
+    lines = " ".join(report_document(mapper)["lines"])
+    assert "its time is not after that of the scan before" in lines
+    assert "its odometry is not finite" in lines
+    empty = Mapper()
+    assert "fewer than" in empty.add_scan(0.0, None, dataclasses.replace(lap()[0][0].scan, ranges=bad)).rejected
+    assert "fewer than" in empty.add_scan(1.0, None, LaserScan(np.ones(1, np.float32), 0.0, 0.1, 0.0, 9.0)).rejected
+    empty.finish()
+    assert report_document(empty)["keyframes"] == 0
+    with pytest.raises(LogError):
+        empty.map()
+
+
+def test_a_jump_of_the_odometry_is_reported_and_not_believed() -> None:
+    mapper = Mapper()
+    jump = Transform2D(5.0, -3.0, 1.0)
+    for n, (frame, _) in enumerate(lap()):
+        mapper.add_scan(frame.scan.stamp, jump @ frame.odometry if n > 100 else frame.odometry, frame.scan)
+    mapper.finish()
+    assert worst_error(mapper) < 0.2
+    assert any("odometry jumps" in line for line in report_document(mapper)["lines"])
+
+
+def test_a_gap_is_reported() -> None:
+    mapper = Mapper()
+    for n, (frame, _) in enumerate(lap()[:120]):
+        mapper.add_scan(frame.scan.stamp + (30.0 if n >= 60 else 0.0), frame.odometry, frame.scan)
+    mapper.finish()
+    assert any(line.startswith("gap: no scan from") for line in report_document(mapper)["lines"])
+
+
+@pytest.mark.parametrize("turned", [0.5, -1.2, math.pi])
+def test_a_laser_at_another_angle_than_stated_is_found(turned: float) -> None:
+    mapper = Mapper()
+    for frame, _ in lap()[:130]:
+        mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan, Transform2D(0.0, 0.0, turned))
+    mapper.finish()
+    document = report_document(mapper)
+    assert abs(math.remainder(document["mounting"]["yaw"] + turned, math.tau)) < 0.1
+    assert any("the laser is mounted at another angle" in line for line in document["lines"])
+
+
+def test_a_laser_as_stated_is_not_reported(finished: Mapper) -> None:
+    assert not [line for line in report_document(finished)["lines"] if line.startswith("the laser")]
+
+
+def test_a_laser_that_is_upside_down_is_found() -> None:
+    mapper = Mapper()
+    for frame, _ in lap():
+        mirrored = np.ascontiguousarray(frame.scan.ranges[::-1])
+        mapper.add_scan(frame.scan.stamp, frame.odometry, dataclasses.replace(frame.scan, ranges=mirrored))
+    mapper.finish()
+    assert any("turns the wrong way" in line for line in report_document(mapper)["lines"])
