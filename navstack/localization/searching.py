@@ -171,13 +171,15 @@ def is_sure(estimate: PoseEstimate) -> bool:
     """Return whether the robot is localized: as the localizer reports, or else by the spread of its position."""
     details = estimate.details
     if "lost" in details or "certain" in details:
-        return not details.get("lost", not details.get("certain", False))
+        return bool(details.get("certain", not details.get("lost", False)))
     spread = math.sqrt(max(float(estimate.covariance[0, 0] + estimate.covariance[1, 1]), 0.0))
     return spread < SURE_M
 
 
 _GAIN = 0.1
 """An estimate that jumps must explain this much more of the scan than the pose by the odometry."""
+_DOUBT = 0.25
+"""Share of `lost_evidence` from which an estimate is not certain any more: driving with a right pose does not reach it."""
 _HANDED = np.diag([0.05**2, 0.05**2, 0.03**2])
 """Added to the covariance of a hypothesis that is handed to the tracker (m², rad²)."""
 
@@ -188,7 +190,8 @@ class SearchingLocalizer(Localizer):
     Every scan is compared with the map from the believed pose (`LostDetector`). While the robot is lost, and after a global
     start, hypotheses from searches over the whole map are tracked separately (`ScanMatcher`). Once few remain, the tracker
     gets all of them, with their probabilities; once one is certain, only that one. If it is the tracker's own pose, the alarm
-    was false and the pose does not change. `details` of the estimate: `lost`, `lost_since`, `explained`, `certain`, `searching`.
+    was false and the pose does not change. `details` of the estimate: `lost`, `lost_since`, `explained`, `searching`,
+    and `certain`: neither lost nor contradicted by the last scans.
 
     With `search: false` it only watches: the tracker's estimates do not change, and `lost` says when they contradict the scans.
     """
@@ -436,8 +439,9 @@ class SearchingLocalizer(Localizer):
 
     def _with_details(self, estimate: PoseEstimate) -> PoseEstimate:
         details = dict(estimate.details)
-        details |= {"lost": self.lost, "certain": not self.lost, "searching": self._searching}
         last = self.agreement
+        doubtful = last is not None and last.evidence > _DOUBT * self.params.lost_evidence
+        details |= {"lost": self.lost, "certain": not (self.lost or doubtful), "searching": self._searching}
         if last is not None:
             details |= {"explained": last.explained, "through": last.through, "lost_since": last.since}
         return dataclasses.replace(estimate, details=details)
