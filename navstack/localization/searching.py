@@ -180,6 +180,8 @@ _GAIN = 0.1
 """An estimate that jumps must explain this much more of the scan than the pose by the odometry."""
 _DOUBT = 0.25
 """Share of `lost_evidence` from which an estimate is not certain any more: driving with a right pose does not reach it."""
+_FAR_M = 0.3
+"""Distance to the pose next to the estimate that explains the scan better, from which it is not certain either (m)."""
 _HANDED = np.diag([0.05**2, 0.05**2, 0.03**2])
 """Added to the covariance of a hypothesis that is handed to the tracker (m², rad²)."""
 
@@ -440,7 +442,9 @@ class SearchingLocalizer(Localizer):
     def _with_details(self, estimate: PoseEstimate) -> PoseEstimate:
         details = dict(estimate.details)
         last = self.agreement
-        doubtful = last is not None and last.evidence > _DOUBT * self.params.lost_evidence
+        doubtful = last is not None and (
+            last.evidence > _DOUBT * self.params.lost_evidence or last.correction > _FAR_M
+        )
         details |= {"lost": self.lost, "certain": not (self.lost or doubtful), "searching": self._searching}
         if last is not None:
             details |= {"explained": last.explained, "through": last.through, "lost_since": last.since}
