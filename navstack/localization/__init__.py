@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from navstack.localization.evaluation import run_starts as run_starts
     from navstack.localization.field import distance_field as distance_field
     from navstack.localization.global_search import scan_beams as scan_beams
+    from navstack.localization.hypotheses import solve3 as solve3
     from navstack.localization.methods import Method as Method
     from navstack.localization.metrics import PoseErrors as PoseErrors
     from navstack.localization.scan_matcher import ScanMatcher as ScanMatcher

@@ -13,6 +13,7 @@ used. `Log` describes what every format offers.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.logs.carmen import read_lines as read_lines
     from navstack.logs.carmen import read_relations as read_relations
     from navstack.logs.contents import CLOCKS_DIFFER_S as CLOCKS_DIFFER_S
     from navstack.logs.contents import LOOK_AHEAD_S as LOOK_AHEAD_S

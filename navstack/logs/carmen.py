@@ -5,7 +5,8 @@
 
 Corrected logs, in which a SLAM program has replaced the poses, repeat the corrected pose after each scan in an ODOM line of
 time 0; the odometry goes on from there. The reader undoes that: its odometry is the sum of the increments between lines, and
-never contains the step onto a new base. Other lines are left out.
+never contains the step onto a new base. Without ODOM lines the poses of the FLASER lines are the odometry. Other lines are
+left out.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class CarmenLog(ScanLog):
 
     def __iter__(self) -> Iterator[LoggedScan]:
         """Yield the scans; see `ScanLog`."""
-        odometry, base = Transform2D(), None
+        odometry, base, has_odometry = Transform2D(), None, False
         stamp, last_scan = -math.inf, -math.inf
         scans, index, began = 0, 0, 0.0
         for number, text in read_lines(self.path):
@@ -153,6 +154,7 @@ class CarmenLog(ScanLog):
             try:
                 if word == "ODOM":
                     pose, time = _odometry(fields)
+                    has_odometry = True
                     if base is not None and time != 0.0:
                         odometry = odometry @ (base.inverse() @ pose)
                     base = pose
@@ -165,7 +167,9 @@ class CarmenLog(ScanLog):
             # some logs have lost the digits of their times: each scan needs its own
             stamp = max(stamp, time if time > last_scan else last_scan + _STEP_S)
             last_scan = stamp
-            base = robot if base is None else base
+            if not has_odometry:  # a raw log without ODOM lines: both poses of a FLASER line are the odometry
+                odometry = odometry if base is None else odometry @ (base.inverse() @ robot)
+                base = robot
             scans += 1
             began = stamp if scans == 1 else began
             if self.within(stamp - began):

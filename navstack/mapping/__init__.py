@@ -10,9 +10,19 @@ if TYPE_CHECKING:
     from navstack.mapping.edit import remove_specks as remove_specks
     from navstack.mapping.edit import rotate as rotate
     from navstack.mapping.edit import wall_direction as wall_direction
+    from navstack.mapping.loops import Loop as Loop
+    from navstack.mapping.mapper import Mapper as Mapper
+    from navstack.mapping.mapper import MatchResult as MatchResult
     from navstack.mapping.merge import align as align
     from navstack.mapping.merge import compare as compare
     from navstack.mapping.merge import merged as merged
+    from navstack.mapping.params import MapperParams as MapperParams
+    from navstack.mapping.pose_graph import Edge as Edge
+    from navstack.mapping.pose_graph import PoseGraph as PoseGraph
+    from navstack.mapping.pose_graph import Solution as Solution
+    from navstack.mapping.pose_graph import read_g2o as read_g2o
+    from navstack.mapping.pose_graph import solve as solve
+    from navstack.mapping.pose_graph import write_g2o as write_g2o
 else:
     from navstack._lazy import lazy_face
 

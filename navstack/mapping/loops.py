@@ -1,0 +1,168 @@
+"""Loops: whether a scan was made at a place that earlier scans have seen, and how sure that is.
+
+A loop that is wrong bends the whole map, one that is missed costs some accuracy. So a match counts only if the refined pose
+explains the scan, no other pose in the window nearly does, no wall stands where the other scans saw free space, the position is
+determined in every direction (not along a corridor), and a second match from another keyframe asks for the same correction.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Transform2D, normalize_angle
+from navstack.mapping.matching import Surfaces
+from navstack.mapping.params import MapperParams
+
+
+@dataclass(slots=True, eq=False)
+class Loop:
+    """A place that was compared with a keyframe, accepted or rejected."""
+
+    keyframe: int
+    place: int
+    """Keyframe in the middle of the earlier scans."""
+    stamp: float
+    seen_at: float
+    """Stamp of the keyframe `place` (s)."""
+    path: float
+    """Shortest way in the graph from `place` to `keyframe` (m)."""
+    coarse: float
+    """Mean likelihood of the best pose of the search."""
+    runner_up: float
+    """The same of the best pose that is another one."""
+    response: float
+    """Mean likelihood of the refined pose."""
+    contradiction: float
+    """Share of the points where the other side has seen free space; NaN if it was not asked."""
+    rms: float
+    """Of the points on surfaces (m)."""
+    correction: tuple[float, float, float]
+    """Forward, left (m) and turn (rad) from where the graph had the keyframe."""
+    measured: Transform2D
+    """Pose of `keyframe` seen from `place`."""
+    information: NDArray[np.float64]
+    accepted: bool = False
+    reason: str = ""
+    """Why it was accepted or rejected."""
+    residual: float = math.nan
+    """Error of the edge after the graph was solved, in standard deviations; NaN for one that is not in the graph."""
+
+    def __str__(self) -> str:
+        x, y, yaw = self.correction
+        verdict = "accepted" if self.accepted else "rejected"
+        residual = "" if math.isnan(self.residual) else f", residual {self.residual:.1f} sigma"
+        return (
+            f"{verdict}: keyframe {self.keyframe} ({self.stamp:.1f} s) at keyframe {self.place} ({self.seen_at:.1f} s), "
+            f"{self.path:.0f} m of path: response {self.response:.2f}, search {self.coarse:.2f}, "
+            f"runner-up {self.runner_up:.2f}, rms {self.rms:.3f} m, correction {math.hypot(x, y):.2f} m "
+            f"{math.degrees(yaw):+.1f} degrees{residual}: {self.reason}"
+        )
+
+
+class Scene(NamedTuple):
+    """What a scan contributes to a comparison."""
+
+    surface: NDArray[np.float64]
+    """(n, 4) points with normals in the base frame."""
+    eye: NDArray[np.float64]
+    """(2,) the sensor in the base frame."""
+    pose: Transform2D
+    """Of the base, by the graph."""
+
+
+EDGE_FLOOR: Final = np.diag([0.01**2, 0.01**2, 0.002**2])
+"""Covariance of a match that the Hessian does not contain: what of a scan moves, bends, or is not planar (m, rad)."""
+LOOP_FLOOR: Final = np.diag([0.02**2, 0.02**2, 0.004**2])
+"""The same of a loop: the earlier scans are not placed exactly among themselves."""
+LEAST_INFORMATION: Final = 1.0 / 0.1**2
+"""A loop must determine the position to 0.1 m in every direction."""
+_OTHER_M, _OTHER_RAD = 0.6, 0.3
+"""From here on, a pose is another one: wider than the likelihood around one maximum."""
+
+
+def edge_information(hessian: NDArray[np.float64], yaw: float, floor: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the information of an edge, in the frame of its second node, from the Hessian of a match in the map."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    body = np.einsum("ba,bc,cd->ad", turn, hessian, turn) + np.diag([1e-4, 1e-4, 1e-4])
+    return _inverse(_inverse(body) + floor)
+
+
+def _inverse(m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverse of a symmetric (3, 3) matrix; written out, because no library then chooses the order of operations."""
+    a, b, c, d, e, f = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]
+    aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
+    det = a * aa + b * bb + c * cc
+    dd, ee, ff = a * f - c * c, b * c - a * e, a * d - b * b
+    return np.array([[aa, bb, cc], [bb, dd, ee], [cc, ee, ff]]) / det
+
+
+def compare(
+    scene: Scene, chain: list[Scene], place: Transform2D, drift: tuple[float, float], params: MapperParams
+) -> tuple[dict[str, float], Transform2D, NDArray[np.float64], str]:
+    """Compare a scan with the scans of a place: return the figures, its pose, its information, and why not (or "").
+
+    `drift`: half widths of the search (m, rad).
+    """
+    surfaces = Surfaces([(each.surface, each.pose) for each in chain])
+    half_m, half_rad = drift
+    found, coarse = surfaces.search(scene.surface, scene.pose, half_m=half_m, half_rad=half_rad, step_rad=0.02)
+    figures = {"coarse": coarse, "runner_up": math.nan, "response": 0.0, "contradiction": math.nan, "rms": math.nan}
+    nothing = np.zeros((3, 3))
+    if coarse < params.loop_match_minimum_response_coarse:
+        return figures, found, nothing, f"the search found no pose: {coarse:.2f}"
+    match = surfaces.align(scene.surface, found)
+    figures["response"], figures["rms"] = match.response, match.rms
+    pose = Transform2D(float(match.pose[0]), float(match.pose[1]), normalize_angle(float(match.pose[2])))
+    if match.response < params.loop_match_minimum_response_fine:
+        return figures, pose, nothing, f"the scan does not fit: response {match.response:.2f}"
+    if _least_information(match.hessian) < LEAST_INFORMATION:
+        return figures, pose, nothing, "the position is not determined in one direction, as along a corridor"
+    other = (*pose, _OTHER_M, _OTHER_RAD)
+    second, figures["runner_up"] = surfaces.search(
+        scene.surface, scene.pose, half_m=half_m + _OTHER_M, half_rad=half_rad, step_rad=0.02, other=other
+    )
+    runner = surfaces.align(scene.surface, second)
+    if runner.response > params.loop_match_maximum_runner_up * match.response and _differ(runner.pose, match.pose):
+        return figures, pose, nothing, f"ambiguous: another pose has response {runner.response:.2f}"
+    points = pose.apply_points(np.ascontiguousarray(scene.surface[:, :2]))
+    seen = [
+        (each.pose.apply_points(each.eye[None])[0], each.pose.apply_points(np.ascontiguousarray(each.surface[:, :2])))
+        for each in chain
+    ]
+    figures["contradiction"] = surfaces.contradictions(seen, points)
+    if figures["contradiction"] > params.loop_match_maximum_contradiction:
+        return figures, pose, nothing, f"{figures['contradiction']:.0%} of the points are in free space of the place"
+    return figures, pose, edge_information(match.hessian, pose.yaw, LOOP_FLOOR), ""
+
+
+def _differ(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    return math.hypot(a[0] - b[0], a[1] - b[1]) > 0.5 * _OTHER_M or abs(normalize_angle(float(a[2] - b[2]))) > 0.15
+
+
+def _least_information(hessian: NDArray[np.float64]) -> float:
+    """Return the information about the position in the direction that is known worst, whatever the heading is."""
+    h = hessian
+    turn = max(float(h[2, 2]), 1e-9)
+    a, b, d = h[0, 0] - h[0, 2] ** 2 / turn, h[0, 1] - h[0, 2] * h[1, 2] / turn, h[1, 1] - h[1, 2] ** 2 / turn
+    half = 0.5 * (a + d)
+    return float(half - math.sqrt(max(half * half - (a * d - b * b), 0.0)))
+
+
+def agree(first: Loop, second: Loop, poses: NDArray[np.float64], travelled: float) -> bool:
+    """Return whether two loops ask for the same correction of the later keyframe; `travelled` between them (m)."""
+    if first.keyframe == second.keyframe:
+        return False
+    corrections = []
+    for loop in (first, second):
+        place, keyframe = (Transform2D(*poses[k].tolist()) for k in (loop.place, loop.keyframe))
+        corrections.append(place @ loop.measured @ keyframe.inverse())
+    at = Transform2D(*poses[second.keyframe].tolist())
+    a, b = (correction @ at for correction in corrections)
+    tolerance = 0.15 + 0.02 * travelled
+    return math.hypot(a.x - b.x, a.y - b.y) < tolerance and abs(normalize_angle(a.yaw - b.yaw)) < 0.04 + 0.005 * travelled

@@ -1,0 +1,542 @@
+"""The mapper: keyframes from scans as they come, their graph, and the map.
+
+    mapper = Mapper()
+    for frame in open_scan_log("run.bag"):
+        mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan, frame.sensor)
+    mapper.finish()
+    save_map(mapper.map(), "map.yaml")
+
+The same scans in the same order give the same map, to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import OrderedDict, deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D, normalize_angle, normalize_angles
+from navstack.localization import LoggedScan, scan_beams
+from navstack.logs import MappingModel, map_from_frames
+from navstack.mapping.loops import EDGE_FLOOR, Loop, Scene, agree, compare, edge_information
+from navstack.mapping.matching import SPACING, Match, Surfaces, surface_points
+from navstack.mapping.params import MapperParams
+from navstack.mapping.pose_graph import Edge, PoseGraph, solve
+
+FEWEST_POINTS: Final = 15
+"""A scan with fewer points cannot be matched."""
+ODOMETRY_SPEED: Final = 5.0
+"""An odometry that moves faster (m/s), by more than a meter, has jumped."""
+ODOMETRY_TURN_RATE: Final = 6.0
+"""The same of its heading (rad/s)."""
+NEAR_M: Final = 0.05
+NEAR_RAD: Final = 0.05
+"""A scan within this motion from the last match keeps the odometry's pose: nothing is gained by matching it."""
+KERNEL_WIDTH: Final = 3.0
+"""Loops with an error of more standard deviations than this lose weight when the graph is solved."""
+
+
+@dataclass(frozen=True, slots=True)
+class MatchResult:
+    """What the mapper made of a scan."""
+
+    stamp: float
+    pose: Pose2D
+    """Of the base in the map, as far as known now; loops may move it later."""
+    keyframe: int | None = None
+    """Number of the keyframe that the scan became; None: it did not."""
+    response: float = math.nan
+    """Mean likelihood of the points of the scan, 1 for all on surfaces; NaN if it was not matched."""
+    correction: Transform2D | None = None
+    """From the predicted pose to the matched one, in the frame of the robot."""
+    loops: tuple[Loop, ...] = ()
+    """Loops that were decided with this scan."""
+    rejected: str = ""
+    """Why the scan was not used; empty if it was."""
+
+
+class Step(NamedTuple):
+    """The motion to a keyframe by the odometry and by the match, for the report."""
+
+    keyframe: int
+    stamp: float
+    odometry: Transform2D
+    matched: Transform2D
+    sigma: tuple[float, float]
+    """Standard error that was expected of the odometry (m, rad)."""
+    response: float
+
+
+@dataclass(slots=True)
+class Observations:
+    """What the mapper noticed about its input, for the report."""
+
+    rejected: dict[str, list[float]] = field(default_factory=dict[str, list[float]])
+    """Stamps of scans that were not used, by reason."""
+    gaps: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
+    """Stamps before and after a pause (s)."""
+    jumps: list[tuple[float, Transform2D]] = field(default_factory=list[tuple[float, Transform2D]])
+    """Stamp and step of odometry that jumped."""
+    unmatched: list[tuple[float, int, float]] = field(default_factory=list[tuple[float, int, float]])
+    """Stamp, keyframe and response of scans that fit nothing before them."""
+
+
+class KeyframeStore:
+    """The scans of the keyframes in millimeters, 16 bits a beam; points and normals are computed again when they are needed."""
+
+    def __init__(self) -> None:
+        self.ranges: list[NDArray[np.uint16]] = []
+        self.stamps: list[float] = []
+        self.setups: list[int] = []
+        """Number of the sensor's setup of each keyframe."""
+        self.known_setups: list[tuple[float, float, float, float, float, float, float]] = []
+        """angle_min, angle_increment, range_min, range_max, x, y, yaw of the sensor."""
+        self._surfaces: OrderedDict[int, NDArray[np.float64]] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self.ranges)
+
+    def add(self, scan: LaserScan, sensor: Transform2D) -> int:
+        """Store a scan; return its number."""
+        setup = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, *sensor)
+        if setup not in self.known_setups:
+            self.known_setups.append(setup)
+        self.ranges.append(compact_ranges(scan))
+        self.stamps.append(scan.stamp)
+        self.setups.append(self.known_setups.index(setup))
+        return len(self.ranges) - 1
+
+    def scan(self, k: int) -> tuple[LaserScan, Transform2D]:
+        """Return a scan and the pose of its sensor."""
+        angle_min, step, low, high, x, y, yaw = self.known_setups[self.setups[k]]
+        return LaserScan(_expanded(self.ranges[k]), angle_min, step, low, high, self.stamps[k]), Transform2D(x, y, yaw)
+
+    def surface(self, k: int, reach: float) -> NDArray[np.float64]:
+        """Return the points with normals (n, 4) of a keyframe in the base frame."""
+        if k in self._surfaces:
+            self._surfaces.move_to_end(k)
+            return self._surfaces[k]
+        scan, sensor = self.scan(k)
+        self._surfaces[k] = points_of(scan, sensor, reach)
+        if len(self._surfaces) > 300:
+            self._surfaces.popitem(last=False)
+        return self._surfaces[k]
+
+    def eye(self, k: int) -> NDArray[np.float64]:
+        """Return the position (2,) of the sensor in the base frame."""
+        return np.array(self.known_setups[self.setups[k]][4:6])
+
+
+def compact_ranges(scan: LaserScan) -> NDArray[np.uint16]:
+    """Return the ranges in mm: 0 for an invalid one, 65535 for no return."""
+    values = np.asarray(scan.ranges, np.float64)
+    with np.errstate(invalid="ignore"):
+        none = (values >= scan.range_max) | (values >= 65.0)
+        bad = ~(values >= scan.range_min) | (values <= 0.0)
+        return np.where(none, 65535.0, np.where(bad, 0.0, np.rint(values * 1000.0))).astype(np.uint16)
+
+
+def _expanded(ranges: NDArray[np.uint16]) -> NDArray[np.float32]:
+    values = ranges.astype(np.float32) / np.float32(1000.0)
+    values[ranges == 65535] = np.inf
+    values[ranges == 0] = np.nan
+    return values
+
+
+def points_of(scan: LaserScan, sensor: Transform2D, reach: float) -> NDArray[np.float64]:
+    """Return the points with normals (n, 4) of a scan in the base frame, thinned."""
+    beams = scan_beams(scan, sensor, reach)
+    return np.asarray(surface_points(beams.points, beams.eye, SPACING), np.float64)
+
+
+class Mapper:
+    """Simultaneous localization and mapping in the plane with one lidar, with odometry or without."""
+
+    def __init__(self, params: MapperParams | None = None) -> None:
+        self.params = params or MapperParams()
+        self.graph = PoseGraph()
+        """Poses of the keyframes (base in the map) and their edges. The first keyframe is the origin."""
+        self.keyframes = KeyframeStore()
+        self.loops: list[Loop] = []
+        """Every loop that was decided, accepted or not, in order."""
+        self.steps: list[Step] = []
+        self.observations = Observations()
+        self._pending: list[Loop] = []
+        self._poses: NDArray[np.float64] = np.empty((64, 3))
+        self._lengths: list[float] = []
+        self._travelled: list[float] = []
+        self._last: tuple[float, Transform2D | None] | None = None
+        self._moved = Transform2D()
+        self._driven = Transform2D()
+        self._matched = Transform2D()
+        self._track = array("d")
+        self._velocity = Transform2D()
+        self._local: Surfaces | None = None
+        self._intervals: deque[float] = deque(maxlen=50)
+        self._unsolved = 0
+        self._tried_at = -math.inf
+
+    # --- what others read ---------------------------------------------------------------------------------------------
+
+    @property
+    def pose(self) -> Pose2D | None:
+        """The pose of the base in the map at the last scan; None before the first one."""
+        if not len(self.keyframes):
+            return None
+        return Pose2D(*(self._keyframe_pose(len(self.keyframes) - 1) @ self._moved))
+
+    @property
+    def travelled(self) -> float:
+        """Length of the path along the keyframes (m)."""
+        return self._travelled[-1] if self._travelled else 0.0
+
+    def map(self, model: MappingModel | None = None) -> OccupancyGrid:
+        """Return the map of all keyframes at the poses of the graph. Raises LogError without a keyframe."""
+        chosen = model or MappingModel(max_range=self.params.max_laser_range)
+        return map_from_frames(self.frames, resolution=self.params.resolution, model=chosen)[0]
+
+    def frames(self) -> Iterator[LoggedScan]:
+        """Yield the keyframes as scans of a log, with their poses as reference."""
+        for k in range(len(self.keyframes)):
+            scan, sensor = self.keyframes.scan(k)
+            yield LoggedScan(k, scan, sensor, Transform2D(), Pose2D(*self._keyframe_pose(k)))
+
+    def trajectory(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return stamps (n,) and poses (n, 3) of all scans that were used."""
+        table = np.array(self._track).reshape(-1, 5)
+        base, step = self.graph.poses[table[:, 1].astype(np.int64)], table[:, 2:]
+        c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+        x = base[:, 0] + c * step[:, 0] - s * step[:, 1]
+        y = base[:, 1] + s * step[:, 0] + c * step[:, 1]
+        return table[:, 0], np.column_stack((x, y, normalize_angles(base[:, 2] + step[:, 2])))
+
+    # --- scans --------------------------------------------------------------------------------------------------------
+
+    def add_scan(
+        self, stamp: float, odometry: Transform2D | Pose2D | None, scan: LaserScan, sensor: Transform2D | None = None
+    ) -> MatchResult:
+        """Use a scan.
+
+        Args:
+            stamp: time (s); a scan that is not newer than the last one is rejected.
+            odometry: pose of the base in the odometry frame; None for a robot without, at any scan.
+            scan: the scan; its own stamp is not used.
+            sensor: pose of the sensor in the base frame; None: that of the base.
+        """
+        mounting = sensor or Transform2D()
+        reason = self._defect(stamp, odometry, scan, mounting)
+        odom = None if odometry is None else Transform2D(*odometry)
+        if reason:
+            return self._rejected(stamp, reason)
+        if self._last is None:
+            surface = points_of(scan, mounting, self.params.max_laser_range)
+            if len(surface) < FEWEST_POINTS:
+                return self._rejected(stamp, f"fewer than {FEWEST_POINTS} points, so it cannot be matched")
+            self._add_keyframe(stamp, scan, mounting, Transform2D())
+            self._last = stamp, odom
+            return MatchResult(stamp, Pose2D(0.0, 0.0, 0.0), 0)
+        before, last_odometry = self._last
+        step = self._motion(stamp, before, last_odometry, odom)
+        has_odometry = odom is not None and last_odometry is not None and not self._has_jumped(stamp, before, step, True)
+        if not has_odometry:
+            dt = stamp - before
+            v = self._velocity
+            step = Transform2D(v.x * dt, v.y * dt, v.yaw * dt) if dt < 1.0 else Transform2D()
+        self._last = stamp, odom
+        self._moved, self._driven = self._moved @ step, self._driven @ step
+        p = self.params
+        far = math.hypot(self._moved.x, self._moved.y) >= p.minimum_travel_distance
+        far = far or abs(self._moved.yaw) >= p.minimum_travel_heading
+        since = self._matched.inverse() @ self._moved
+        if has_odometry and not far and math.hypot(since.x, since.y) < NEAR_M and abs(since.yaw) < NEAR_RAD:
+            self._passed(stamp)
+            return MatchResult(stamp, self.pose or Pose2D(0.0, 0.0))
+        surface = points_of(_expand(scan), mounting, p.max_laser_range)
+        if len(surface) < FEWEST_POINTS:
+            self._passed(stamp)
+            return self._rejected(stamp, f"fewer than {FEWEST_POINTS} points, so it cannot be matched")
+        return self._match(stamp, scan, mounting, surface, step if not has_odometry else None)
+
+    def finish(self) -> None:
+        """Decide what is pending and solve the graph a last time."""
+        for loop in self._pending:
+            self._decide(loop, False, "no second match confirmed it")
+        self._pending.clear()
+        if self._unsolved:
+            self._solve()
+        chi2 = self.graph.edge_chi2() if self.graph.edges else np.empty(0)
+        by_nodes = {(e.i, e.j): math.sqrt(c) for e, c in zip(self.graph.edges, chi2.tolist(), strict=True) if e.is_loop}
+        for loop in self.loops:
+            if loop.accepted:
+                loop.residual = by_nodes.get((loop.place, loop.keyframe), math.nan)
+
+    # --- parts --------------------------------------------------------------------------------------------------------
+
+    def _defect(
+        self, stamp: float, odometry: Transform2D | Pose2D | None, scan: LaserScan, sensor: Transform2D
+    ) -> str:
+        if not math.isfinite(stamp):
+            return "its time is not finite"
+        if odometry is not None and not all(map(math.isfinite, odometry)):
+            return "its odometry is not finite"
+        if not all(map(math.isfinite, sensor)):
+            return "the pose of its sensor is not finite"
+        if not all(map(math.isfinite, (scan.angle_min, scan.angle_increment))):
+            return "the angles of its beams are not finite"
+        if self._last is not None and stamp <= self._last[0]:
+            return "its time is not after that of the scan before"
+        return ""
+
+    def _rejected(self, stamp: float, reason: str) -> MatchResult:
+        self.observations.rejected.setdefault(reason, []).append(stamp)
+        return MatchResult(stamp, self.pose or Pose2D(0.0, 0.0), rejected=reason)
+
+    def _motion(
+        self, stamp: float, before: float, last: Transform2D | None, odometry: Transform2D | None
+    ) -> Transform2D:
+        """Return the motion by the odometry since the last scan; note gaps."""
+        dt = stamp - before
+        if len(self._intervals) >= 10 and dt > max(2.0, 10.0 * sorted(self._intervals)[len(self._intervals) // 2]):
+            self.observations.gaps.append((before, stamp))
+        else:
+            self._intervals.append(dt)
+        return Transform2D() if last is None or odometry is None else last.inverse() @ odometry
+
+    def _has_jumped(self, stamp: float, before: float, step: Transform2D, note: bool) -> bool:
+        dt = stamp - before
+        far = math.hypot(step.x, step.y) > 1.0 + ODOMETRY_SPEED * min(dt, 2.0)
+        jumped = far or abs(step.yaw) > 1.0 + ODOMETRY_TURN_RATE * min(dt, 2.0)
+        if jumped and note:
+            self.observations.jumps.append((stamp, step))
+        return jumped
+
+    def _match(
+        self,
+        stamp: float,
+        scan: LaserScan,
+        sensor: Transform2D,
+        surface: NDArray[np.float64],
+        guessed: Transform2D | None,
+    ) -> MatchResult:
+        """Match a scan with the last keyframes; make it a keyframe if the robot has moved. `guessed`: a step not by odometry."""
+        p, last = self.params, len(self.keyframes) - 1
+        start = self._keyframe_pose(last)
+        predicted = start @ self._moved
+        since = self._matched.inverse() @ self._moved
+        moved, turned = math.hypot(since.x, since.y), abs(since.yaw)
+        if guessed is None:
+            sigma = (
+                0.02 + p.odometry_distance_error * moved + 0.02 * turned,
+                0.01 + p.odometry_heading_error * turned + 0.03 * moved,
+            )
+        else:
+            sigma = 0.1 + 0.3 * math.hypot(guessed.x, guessed.y), 0.1 + 0.3 * abs(guessed.yaw)
+        match = self._best_match(surface, predicted, sigma)
+        fits = match.response >= p.link_match_minimum_response_fine
+        prior = _prior(predicted, sigma)
+        if not fits:
+            self.observations.unmatched.append((stamp, last + 1, match.response))
+            match = match._replace(pose=np.array(predicted), hessian=prior)
+        pose = Transform2D(float(match.pose[0]), float(match.pose[1]), normalize_angle(float(match.pose[2])))
+        relative = start.inverse() @ pose
+        correction = predicted.inverse() @ pose
+        if guessed is not None:
+            stamp_before, k_before, *made_before = self._track[-5:]
+            dt = max(stamp - stamp_before, 1e-3)
+            made = (self._keyframe_pose(int(k_before)) @ Transform2D(*made_before)).inverse() @ pose
+            self._velocity = Transform2D(made.x / dt, made.y / dt, made.yaw / dt) if fits else Transform2D()
+        far = math.hypot(relative.x, relative.y) >= p.minimum_travel_distance
+        if not (far or abs(relative.yaw) >= p.minimum_travel_heading):
+            self._moved = self._matched = relative
+            self._passed(stamp)
+            return MatchResult(stamp, Pose2D(*pose), None, match.response, correction)
+        driven = self._driven if guessed is None else relative
+        k = self._add_keyframe(stamp, scan, sensor, pose)
+        self.graph.edges.append(Edge(last, k, relative, edge_information(match.hessian, pose.yaw, EDGE_FLOOR)))
+        self._lengths.append(math.hypot(relative.x, relative.y) + 0.3 * abs(relative.yaw))
+        self.steps.append(Step(k, stamp, driven, relative, sigma, match.response if fits else math.nan))
+        decided = self._close_loops(k) if p.do_loop_closing else ()
+        return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
+
+    def _best_match(self, surface: NDArray[np.float64], predicted: Transform2D, sigma: tuple[float, float]) -> Match:
+        """Return the match near the prediction; where nothing fits there, the best of a wide search if it fits well."""
+        p = self.params
+        if self._local is None:
+            first = max(0, len(self.keyframes) - p.scan_buffer_size)
+            self._local = Surfaces(
+                [
+                    (self.keyframes.surface(k, p.max_laser_range), self._keyframe_pose(k))
+                    for k in range(first, len(self.keyframes))
+                ]
+            )
+        half_m = min(max(0.5 * p.correlation_search_space_dimension, 3.0 * sigma[0]), 1.5)
+        half_rad = min(max(0.1, 3.0 * sigma[1]), 0.8)
+        found, _ = self._local.search(surface, predicted, half_m=half_m, half_rad=half_rad, sigma=sigma)
+        prior = _prior(predicted, sigma)
+        match = self._local.align(surface, found, (predicted, prior))
+        if match.response < 0.5:
+            found, _ = self._local.search(surface, predicted, half_m=2.0, half_rad=1.2, sigma=(2.0, 1.0))
+            wide = self._local.align(surface, found)
+            if wide.response > match.response + 0.15:
+                return wide._replace(hessian=wide.hessian + np.diag([1.0, 1.0, 1.0]))
+        return match
+
+    def _add_keyframe(self, stamp: float, scan: LaserScan, sensor: Transform2D, pose: Transform2D) -> int:
+        k = self.keyframes.add(scan, sensor)
+        self.keyframes.stamps[k] = stamp
+        if k == len(self._poses):
+            self._poses = np.concatenate((self._poses, np.empty_like(self._poses)))
+        self._poses[k] = pose
+        self.graph.poses = self._poses[: k + 1]
+        step = 0.0 if k == 0 else math.hypot(*(self._poses[k, :2] - self._poses[k - 1, :2]))
+        self._travelled.append(self.travelled + step)
+        self._moved = self._matched = self._driven = Transform2D()
+        self._local = None
+        self._passed(stamp)
+        return k
+
+    def _passed(self, stamp: float) -> None:
+        """Keep the place of a scan: its stamp, the last keyframe, and the step from there."""
+        self._track.extend((stamp, len(self.keyframes) - 1, *self._moved))
+
+    def _keyframe_pose(self, k: int) -> Transform2D:
+        return Transform2D(*self._poses[k].tolist())
+
+    # --- loops --------------------------------------------------------------------------------------------------------
+
+    def _close_loops(self, k: int) -> tuple[Loop, ...]:
+        """Compare a keyframe with the places near it; return the loops that are decided with it."""
+        decided: list[Loop] = []
+        for loop in [each for each in self._pending if self.travelled - self._travelled[each.keyframe] > 10.0]:
+            self._pending.remove(loop)
+            decided.append(self._decide(loop, False, "no second match confirmed it"))
+        for place, path, drift in self._places(k):
+            loop, why_not = self._compare(k, place, path, drift)
+            if why_not:
+                decided.append(self._decide(loop, False, why_not))
+                continue
+            partners = [
+                each
+                for each in self._pending
+                if agree(each, loop, self.graph.poses, self.travelled - self._travelled[each.keyframe])
+            ]
+            self._pending.append(loop)
+            if partners:
+                decided += self._accept([*partners, loop])
+                break
+        return tuple(decided)
+
+    def _places(self, k: int) -> list[tuple[int, float, tuple[float, float]]]:
+        """Return the nearest keyframe of each place to compare, its distance in the graph (m), and the drift to expect."""
+        p = self.params
+        end = k - p.scan_buffer_size
+        if end < 1 or self.travelled - self._tried_at < 0.5:
+            return []
+        away = np.hypot(*(self.graph.poses[:end, :2] - self.graph.poses[k, :2]).T)
+        widest = 0.5 * p.loop_search_space_dimension
+        if not (away < p.loop_search_maximum_distance + widest).any():
+            return []
+        self._tried_at = self.travelled
+        path = self._paths(k)[:end]
+        drift = np.minimum(0.3 + 0.03 * path, widest)
+        near = np.flatnonzero((away < p.loop_search_maximum_distance + drift) & (path >= p.loop_minimum_path))
+        if not len(near):
+            return []
+        chains = [
+            chain for chain in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1) if len(chain) >= 1
+        ]
+        nearest = [int(chain[np.argmin(away[chain])]) for chain in chains]
+        nearest.sort(key=lambda j: (away[j], j))
+        return [(j, float(path[j]), (float(drift[j]), min(0.15 + 0.004 * float(path[j]), 0.5))) for j in nearest[:2]]
+
+    def _paths(self, k: int) -> NDArray[np.float64]:
+        """Return the length of the shortest way in the graph from each keyframe to `k` (m)."""
+        from scipy.sparse import coo_matrix  # slow import
+        from scipy.sparse.csgraph import dijkstra
+
+        n = len(self.keyframes)
+        i = np.array([edge.i for edge in self.graph.edges])
+        j = np.array([edge.j for edge in self.graph.edges])
+        links = coo_matrix((np.array(self._lengths) + 1e-3, (i, j)), (n, n)).tocsr()
+        return np.asarray(dijkstra(links, directed=False, indices=k))
+
+    def _scene(self, k: int) -> Scene:
+        return Scene(
+            self.keyframes.surface(k, self.params.max_laser_range), self.keyframes.eye(k), self._keyframe_pose(k)
+        )
+
+    def _compare(self, k: int, place: int, path: float, drift: tuple[float, float]) -> tuple[Loop, str]:
+        size = self.params.loop_match_minimum_chain_size
+        first = max(0, place - size // 2)
+        chain = range(first, min(first + size, k - self.params.scan_buffer_size))
+        scene, at = self._scene(k), self._keyframe_pose(place)
+        figures, pose, information, why_not = compare(scene, [self._scene(j) for j in chain], at, drift, self.params)
+        x, y, yaw = scene.pose.inverse() @ pose
+        stamps = self.keyframes.stamps
+        loop = Loop(
+            k,
+            place,
+            stamps[k],
+            stamps[place],
+            path,
+            **figures,
+            correction=(x, y, yaw),
+            measured=at.inverse() @ pose,
+            information=information,
+        )
+        return loop, why_not
+
+    def _decide(self, loop: Loop, accepted: bool, reason: str) -> Loop:
+        loop.accepted, loop.reason = accepted, reason
+        self.loops.append(loop)
+        return loop
+
+    def _accept(self, loops: list[Loop]) -> list[Loop]:
+        """Add loops that confirm each other to the graph, unless the way between them then contradicts its matches."""
+        edges, lengths = len(self.graph.edges), len(self._lengths)
+        poses, unsolved = self.graph.poses.copy(), self._unsolved
+        for loop in loops:
+            self._pending.remove(loop)
+            self.graph.edges.append(Edge(loop.place, loop.keyframe, loop.measured, loop.information, True))
+            self._lengths.append(math.hypot(loop.measured.x, loop.measured.y))
+        numbers = [loop.keyframe for loop in loops]
+        large = any(math.hypot(x, y) > 0.05 or abs(yaw) > 0.01 for x, y, yaw in (loop.correction for loop in loops))
+        self._unsolved += len(loops)
+        if large or self._unsolved > 20:
+            worst = self._solve()
+            if worst > 5.0:
+                del self.graph.edges[edges:], self._lengths[lengths:]
+                self._poses[: len(poses)] = poses
+                self._unsolved, self._local = unsolved, None
+                reason = f"a match along the way would be off by {worst:.1f} standard deviations"
+                return [self._decide(loop, False, reason) for loop in loops]
+        return [
+            self._decide(loop, True, f"confirmed by keyframe {next(n for n in reversed(numbers) if n != loop.keyframe)}")
+            for loop in loops
+        ]
+
+    def _solve(self) -> float:
+        """Solve the graph; return the largest error of a match between keyframes that follow each other (sigma)."""
+        solution = solve(self.graph, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20)
+        self._poses[: len(solution.poses)] = solution.poses
+        self._local, self._unsolved = None, 0
+        chi2 = self.graph.edge_chi2()
+        return math.sqrt(max((c for c, e in zip(chi2.tolist(), self.graph.edges, strict=True) if not e.is_loop), default=0.0))
+
+
+def _expand(scan: LaserScan) -> LaserScan:
+    """Return the scan as the store keeps it, so that the points of a match are those of the keyframe."""
+    return LaserScan(
+        _expanded(compact_ranges(scan)), scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.stamp
+    )
+
+
+def _prior(pose: Transform2D, sigma: tuple[float, float]) -> NDArray[np.float64]:
+    """Return the information (3, 3) of a prediction."""
+    return np.diag([1.0 / sigma[0] ** 2, 1.0 / sigma[0] ** 2, 1.0 / sigma[1] ** 2])
