@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from navstack.cli import options
+from navstack.cli.explore import explore
 from navstack.cli.log_options import (
     LogFile,
     Mount,
@@ -29,6 +30,7 @@ from navstack.map_io import save_map
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make and edit maps.")
 app.command("edit")(edit)
 app.command("merge")(merge_maps)
+app.command("explore")(explore)
 
 
 @app.command("from-log")

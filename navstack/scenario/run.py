@@ -18,6 +18,7 @@ from navstack.core import (
     InternalError,
     Listener,
     NavError,
+    OccupancyGrid,
     Pose2D,
     Transform2D,
     normalize_angle,
@@ -27,7 +28,7 @@ from navstack.core import (
 from navstack.docking import DockDatabase, Docking, DockTask, Undocking
 from navstack.move_base import MotionHandle, MoveBase
 from navstack.parameters import Finding
-from navstack.plugins import Behavior
+from navstack.plugins import Behavior, Localizer
 from navstack.record import (
     Record,
     RunMetrics,
@@ -178,8 +179,12 @@ class Run:
         measure: bool = True,
         timings: bool | Timings = False,
         listeners: Sequence[Listener] = (),
+        known_map: OccupancyGrid | None = None,
+        localizer: Localizer | None = None,
     ) -> None:
-        """`record=False` keeps only what the metrics need, `scans=False` all but the scans. `spool`: folder in which the
+        """`known_map`: the map that the robot has (default: that of the world); `localizer`: what tells it its pose there.
+
+        `record=False` keeps only what the metrics need, `scans=False` all but the scans. `spool`: folder in which the
         record grows instead of in memory. `timings` measures the time of
         both planners, into the given `Timings` or by the wall clock. With `measure=False` there are no metrics either, and the
         memory does not grow with the run.
@@ -188,7 +193,14 @@ class Run:
         items = scenario.items
         scenario.success.check_goals(len(items))
         self.scenario = scenario
-        self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
+        self.robot = simulated_robot(
+            configuration,
+            scenario.world(),
+            scenario.start,
+            seed=scenario.seed,
+            known_map=known_map,
+            localizer=localizer,
+        )
         self._measurements = RunMeasurements(self.robot, keep=measure)
         self.recorder = new_recorder(scenario, self.robot, scans=scans, spool=spool) if record else None
         if self.recorder is not None:
@@ -203,7 +215,7 @@ class Run:
         self.move_base = build_move_base(
             configuration,
             self.robot,
-            static_map=scenario.map,
+            static_map=known_map or scenario.map,
             listeners=listening,
             stopwatch=None if self.timings is None else self.timings.clock,
         )

@@ -146,7 +146,10 @@ def test_the_fields_of_the_yaml_file_are_kept(
         "floor": {"name": "first", "level": 1},
     }
     (tmp_path / "a.yaml").write_text(yaml.safe_dump(fields))
-    assert run(["map", "edit", str(tmp_path / "a.yaml"), "--crop", "1.5,2.5,4,4.5", "--out", str(tmp_path / "b.yaml")]) == 0
+    assert (
+        run(["map", "edit", str(tmp_path / "a.yaml"), "--crop", "1.5,2.5,4,4.5", "--out", str(tmp_path / "b.yaml")])
+        == 0
+    )
     after = yaml.safe_load((tmp_path / "b.yaml").read_text())
     assert {**after, "image": "", "origin": 0} == {**fields, "image": "", "origin": 0}
     assert np.array_equal(load_map(tmp_path / "b.yaml").data, load_map(tmp_path / "a.yaml").data[5:25, 5:30])
