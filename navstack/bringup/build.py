@@ -28,7 +28,7 @@ from navstack.global_planner import is_smoothed_by, smoothed, unsmoothed
 from navstack.localization import believed_start, make_filter, make_localizer
 from navstack.move_base import MoveBase, Planning, TreeMoveBase, call
 from navstack.parameters import Configuration
-from navstack.plugins import GlobalPlanner, Localizer, LocalPlanner, Plugin, RecoveryBehavior, Robot
+from navstack.plugins import GlobalPlanner, LocalPlanner, Plugin, RecoveryBehavior, Robot
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
 from navstack.sim import Estimation, Shape, SimulatedRobot, World, dock_shapes
 
@@ -204,7 +204,6 @@ def simulated_robot(
     shapes: Sequence[Shape] = (),
     seed: int = 0,
     known_map: OccupancyGrid | None = None,
-    localizer: Localizer | None = None,
 ) -> SimulatedRobot:
     """Build the robot of the section `navstack: sim:` at `start` (map frame), among walls and `obstacles` (x, y, radius; m).
 
@@ -212,7 +211,7 @@ def simulated_robot(
     obstacles; the bodies of the docks of `navstack: sim:` are added. A `World` instead of a map has its own obstacles, and no
     others can be added.
 
-    The robot localizes itself on `known_map` (default: the map of the world), or by `localizer`, which has what it needs.
+    The robot localizes itself on `known_map` (default: the map of the world).
 
     Raises InputError, StartOutsideMapError, or StartOccupiedError if the robot collides at the start.
     """
@@ -226,7 +225,7 @@ def simulated_robot(
         world = World(static_map, obstacles, low_discs=low_obstacles, shapes=(*shapes, *docks))
     _check_start(world, footprint, start)
     sim, sections = configuration.navstack.sim, configuration.localization
-    localizer = localizer or make_localizer(sim, sections, known_map or world.map, start, seed)
+    localizer = make_localizer(sim, sections, known_map or world.map, start, seed)
     estimation = Estimation(localizer, make_filter(sim, sections), believed_start(sim, start))
     return SimulatedRobot(
         configuration.navstack.sim,

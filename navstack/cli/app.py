@@ -139,7 +139,7 @@ COMMANDS: Final = {
     ),
     "params": LazyCommand("params", "app", "Show, compare, document, migrate and convert parameters."),
     "ros1": LazyCommand(
-        "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl."
+        "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl, mapping."
     ),
     "ros2": LazyCommand(
         "ros2",

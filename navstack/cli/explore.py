@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,8 +63,13 @@ def explore(
     Exit codes: 0 explored, and every goal of --drive reached; 1 not; 2 invalid input; 130 interrupted.
     """
     path, world = map_of(map_)
-    configuration = load_configuration(params, overrides=[*set_, *overrides_for_exploration()], distro=distro)
+    configuration = load_configuration(params, overrides=set_, distro=distro)
     print_findings(configuration.findings, params, set_)
+    maps = load_configuration(params, overrides=[*set_, *overrides_for_exploration()], distro=distro)
+    if configuration.navstack.sim.localization not in ("amcl", "scan_matching"):
+        # whoever drives on a map of its own must find itself there
+        located = ("navstack.sim.localization=scan_matching",)
+        configuration = load_configuration(params, overrides=[*set_, *located], distro=distro)
     obstacles, shapes = parse_obstacles(obstacle)
     scenario = Scenario(
         map=world,
@@ -76,7 +82,7 @@ def explore(
         names={"map": path.name, "params": [Path(p).name for p in params]},
     )
     with interrupt_flag() as interrupt, loading_kernels([*configuration.planner_names, "mapping"], quiet=json_):
-        exploration = Exploration(scenario, time_limit_s=time_limit)
+        exploration = Exploration(replace(scenario, configuration=maps), time_limit_s=time_limit)
         interrupted = _explored(exploration, interrupt, quiet=json_)
     if exploration.mapper.keyframes == 0:
         raise InputError(f"there is no map: {exploration.ended}; check the lidar of the parameters")

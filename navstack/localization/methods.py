@@ -20,7 +20,7 @@ from navstack.plugins import LOCALIZERS, Localizer
 SUPERVISED: Final = "amcl"
 """amcl, supervised by searches over the map; `amcl_only` is amcl as ROS's, every other method a localizer of that name."""
 ALONE: Final = "amcl_only"
-UNSEARCHED: Final = (ALONE, "dead_reckoning")
+UNSEARCHED: Final = (ALONE, "dead_reckoning", "mapping")
 """Methods that others are compared with: their estimates remain as they are, and they only say when they are lost.
 
 Every other method searches the map once it is lost. `search=false` leaves that out, `search=true` adds it.

@@ -442,9 +442,7 @@ class SearchingLocalizer(Localizer):
     def _with_details(self, estimate: PoseEstimate) -> PoseEstimate:
         details = dict(estimate.details)
         last = self.agreement
-        doubtful = last is not None and (
-            last.evidence > _DOUBT * self.params.lost_evidence or last.correction > _FAR_M
-        )
+        doubtful = last is not None and (last.evidence > _DOUBT * self.params.lost_evidence or last.correction > _FAR_M)
         details |= {"lost": self.lost, "certain": not (self.lost or doubtful), "searching": self._searching}
         if last is not None:
             details |= {"explained": last.explained, "through": last.through, "lost_since": last.since}

@@ -12,17 +12,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from navstack.bringup import costmap_on_map
-from navstack.core import INSCRIBED, Costmap, GridGeometry, InputError, OccupancyGrid, Pose2D, Transform2D
+from navstack.core import INSCRIBED, Costmap, InputError, OccupancyGrid, Pose2D, Transform2D
 from navstack.costmap import LayeredCostmap, StaticLayer
-from navstack.localization import Method
 from navstack.mapping.frontiers import ExplorationParams, Frontier, find_frontiers, travel_costs
 from navstack.mapping.online import OnlineMapper
-from navstack.mapping.params import MapperParams
-from navstack.scenario import Cancel, GoalOutcome, GoTo, Run, Scenario
+from navstack.scenario import Cancel, GoalOutcome, GoTo, Run, Scenario, Wait
 
-_BLOCK_M: Final = 2.0
-"""The corners of the growing map are multiples of this, so that the costmap is seldom resized."""
-_MARGIN_M: Final = 1.0
 _UPDATE_S: Final = 1.0
 """Between two maps."""
 _SAME_M: Final = 0.3
@@ -36,8 +31,8 @@ _COMPLETE: Final = "nothing that the robot can reach is unknown"
 
 
 def overrides_for_exploration() -> list[str]:
-    """Return the parameters that exploration needs: unknown space is known to be unknown, and no plan leads through it."""
-    return ["global_costmap.track_unknown_space=true"]
+    """Return the parameters that exploration needs: the robot makes its map, and unknown space is known to be unknown."""
+    return ["global_costmap.track_unknown_space=true", "navstack.sim.localization=mapping"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,28 +68,21 @@ class Exploration:
         self,
         scenario: Scenario,
         params: ExplorationParams | None = None,
-        mapping: MapperParams | None = None,
         *,
         record: bool = True,
         time_limit_s: float = 3600.0,
     ) -> None:
         """Raises InputError if the robot cannot start there."""
         self.params = params or ExplorationParams()
-        sim = scenario.configuration.navstack.sim
-        resolution = scenario.map.geometry.resolution
-        self.mapper = OnlineMapper(
-            mapping or MapperParams(resolution=min(max(resolution, 0.03), 0.1)), start=scenario.start
-        )
-        self._reach = max((sim.lidar(name).range_max for name in sim.lasers), default=10.0) - 0.01
         self.scenario = replace(
             scenario, goals=(), steps=(), interactions=(), time_limit_s=min(scenario.time_limit_s, GOAL_TIME_LIMIT_S)
         )
-        self.run = Run(
-            self.scenario,
-            record=record,
-            known_map=_nothing_known(scenario.start, self.mapper.mapper.params.resolution),
-            localizer=self.mapper,
-        )
+        self.run = Run(self.scenario, record=record)
+        mapper = self.run.robot.estimation.localizer
+        if not isinstance(mapper, OnlineMapper):
+            raise InputError("the robot of an exploration makes its map: set navstack.sim.localization to mapping")
+        self.mapper = mapper
+        self.run.interact(Wait(time=0.0, duration=time_limit_s))  # go on between goals
         costmap = self.run.move_base.global_costmap
         mapped = isinstance(costmap, LayeredCostmap) and any(isinstance(layer, StaticLayer) for layer in costmap.layers)
         if not mapped or costmap.rolling_window:
@@ -113,15 +101,9 @@ class Exploration:
         self._current: tuple[float, Frontier] | None = None
         self._tries: list[tuple[float, float, str]] = []
         """Frontiers (m) to which a goal failed or changed nothing, and why."""
-        self._drawn = 0
         self._due = 0.0
         self._grid: OccupancyGrid | None = None
-
-    @property
-    def grid(self) -> OccupancyGrid:
-        """The map, as the costmap has it: with a margin, and free where the robot has been."""
-        assert self._grid is not None
-        return self._grid
+        """The map that was looked at last."""
 
     @property
     def is_complete(self) -> bool:
@@ -141,17 +123,13 @@ class Exploration:
         run = self.run
         before = run.robot.time
         going = run.step()
-        if going and run.robot.time == before:
-            return True  # goals are sent when time has passed
-        if not going:
-            run.robot.advance_to(before + 0.1)
-            if run.robot.time < 0.3:
-                return True  # the first scans
-        if run.robot.time > self.time_limit_s:
+        if not going or run.robot.time > self.time_limit_s:
             self.stop(f"the time limit of {self.time_limit_s:g} s")
             return False
+        if run.robot.time == before:
+            return True  # goals are sent when time has passed
         idle = not run.goals.under_way
-        if self.mapper.keyframes == 0:
+        if self.mapper.keyframes == 0 or run.known_map.data.max() < 0:
             if run.robot.time > 10.0:
                 self.stop("no scan could be used in 10 s")
             return not self.ended
@@ -163,7 +141,7 @@ class Exploration:
     def final_map(self) -> OccupancyGrid:
         """Return the map after the last optimization, free where the robot has been."""
         self.mapper.mapper.finish()
-        return self._with_way(self.mapper.map(max_range=self._reach))
+        return self.mapper.map(radius=self.run.robot.footprint.inscribed_radius)
 
     def left(self) -> list[Left]:
         """Return the frontiers of the last map that remain, with the reason."""
@@ -179,18 +157,12 @@ class Exploration:
     def _look(self, *, idle: bool) -> None:
         """Draw the map again if it has grown, and choose where to drive."""
         run = self.run
-        changed = self.mapper.keyframes != self._drawn
-        if changed or self._grid is None:
-            self._drawn = self.mapper.keyframes
-            self._grid = _padded(self._with_way(self.mapper.map(max_range=self._reach)))
-            for costmap in (run.move_base.global_costmap, run.move_base.local_costmap):
-                if isinstance(costmap, LayeredCostmap):
-                    costmap.set_static_map(self._grid)
+        changed = run.known_map is not self._grid
+        self._grid = run.known_map
+        if changed:
             area = float((self._grid.data == 0).sum()) * self._grid.geometry.resolution**2
             self.areas.append((run.robot.time, run.path_length, area))
         costmap = run.move_base.global_costmap
-        if changed and isinstance(costmap, LayeredCostmap):
-            costmap.update(run.robot.time)
         if idle and self._current is not None:
             self._note_end(run.outcomes[-1])
         elif self._is_blocked(costmap.master):
@@ -246,49 +218,6 @@ class Exploration:
         """End the exploration now; `why` stands in the report."""
         self.ended = why
         self.run.stop()
-
-    def _with_way(self, grid: OccupancyGrid) -> OccupancyGrid:
-        """Return the map with unknown cells free where the robot has been: it has no sensor for what is below it."""
-        g = grid.geometry
-        radius = self.run.robot.footprint.inscribed_radius
-        data = grid.data.copy()
-        passed = np.zeros(g.shape, bool)
-        here = self.believed
-        for x, y in (*self.mapper.poses()[:, :2].tolist(), (here.x, here.y)):
-            cell = g.world_to_cell(x, y)
-            if cell is not None:
-                passed[cell[1], cell[0]] = True
-        if passed.any():
-            away = np.asarray(ndimage.distance_transform_edt(~passed)) * g.resolution
-            data[(data == -1) & (away <= radius + g.resolution)] = 0
-        return replace(grid, data=data)
-
-
-def _nothing_known(start: Pose2D, resolution: float) -> OccupancyGrid:
-    """Return an unknown map around the start, for the first cycles."""
-    cells = math.ceil(2.0 * _BLOCK_M / resolution)
-    low = (start.x - 0.5 * cells * resolution, start.y - 0.5 * cells * resolution)
-    return OccupancyGrid(np.full((cells, cells), -1, np.int8), GridGeometry(cells, cells, resolution, *low))
-
-
-def _padded(grid: OccupancyGrid) -> OccupancyGrid:
-    """Return the map with unknown space around it, its corners at multiples of a block."""
-    g = grid.geometry
-    block = max(1, round(_BLOCK_M / g.resolution))
-    margin = math.ceil(_MARGIN_M / g.resolution)
-    x0, y0 = round(g.origin_x / g.resolution), round(g.origin_y / g.resolution)
-    low_x, low_y = ((v - margin) // block * block for v in (x0, y0))
-    high_x, high_y = (-(-(v + margin) // block) * block for v in (x0 + g.nx, y0 + g.ny))
-    data = np.full((high_y - low_y, high_x - low_x), -1, np.int8)
-    data[y0 - low_y : y0 - low_y + g.ny, x0 - low_x : x0 - low_x + g.nx] = grid.data
-    geometry = GridGeometry(
-        high_x - low_x,
-        high_y - low_y,
-        g.resolution,
-        g.origin_x - (x0 - low_x) * g.resolution,
-        g.origin_y - (y0 - low_y) * g.resolution,
-    )
-    return replace(grid, data=data, geometry=geometry)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -375,16 +304,9 @@ def drive_on(
 ) -> tuple[Run, bool]:
     """Drive to goals in the scenario's world with the map `grid`, until they have ended or `stop` says so.
 
-    Returns the run, and whether it was stopped. The robot localizes itself on the map as its parameters say, or, where they
-    leave that to the simulator, by scan matching.
+    Returns the run, and whether it was stopped. The robot localizes itself on that map as its parameters say.
     """
-    sim = scenario.configuration.navstack.sim
-    localizer = None
-    if sim.localization == "truth":
-        localizer, _ = Method().build(scenario.seed)
-        localizer.set_map(grid)
-        localizer.set_pose(scenario.start, np.diag([0.05**2, 0.05**2, 0.03**2]), math.inf)
-    run = Run(replace(scenario, goals=tuple(goals), steps=()), known_map=grid, localizer=localizer)
+    run = Run(replace(scenario, goals=tuple(goals), steps=()), known_map=grid)
     while run.step():
         if stop is not None and stop():
             run.stop()

@@ -87,7 +87,7 @@ def test_inputs_of_the_commands(log_file: Path, tmp_path: Path, capsys: pytest.C
 def test_methods_by_name() -> None:
     method = Method.parse(["method=amcl", "max_particles=300", "lost_evidence=3.0"], "--set")
     assert method.label == "amcl max_particles=300 lost_evidence=3.0"
-    assert methods() == ["amcl", "amcl_only", "dead_reckoning", "scan_matching"]
+    assert methods() == ["amcl", "amcl_only", "dead_reckoning", "mapping", "scan_matching"]
     for name in methods():
         Method(name).build(1)
     with pytest.raises(InputError, match="has no parameter"):

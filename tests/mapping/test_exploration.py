@@ -158,7 +158,7 @@ def test_it_ends_in_time_and_says_so() -> None:
 
 
 def test_parameters_without_a_static_map_are_refused() -> None:
-    configuration = load_configuration(["jackal_dwa"])
+    configuration = load_configuration(["jackal_dwa"], overrides=overrides_for_exploration())
     with pytest.raises(InputError, match="needs a global costmap with the layer of the static map"):
         Exploration(
             Scenario(map=two_rooms(), configuration=configuration, start=Pose2D(1.0, 1.5), goals=()), record=False
@@ -166,7 +166,8 @@ def test_parameters_without_a_static_map_are_refused() -> None:
 
 
 def test_an_online_mapper_gives_no_estimate_before_a_scan() -> None:
-    mapper = OnlineMapper(start=Pose2D(1.0, 2.0, 0.5))
+    mapper = OnlineMapper()
+    assert mapper.grown_map(0.2) is None
     assert mapper.estimate is None
     assert mapper.keyframes == 0
     mapper.set_pose(Pose2D(3.0, 0.0), np.eye(3), 0.0)
@@ -181,8 +182,10 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert run(line) == 2
     assert "give where the robot begins: --start" in " ".join(capsys.readouterr().err.split())
     assert not out.exists()
-    assert run([*line, "--start", "1,1.5,0", "--json", "--time-limit", "20"]) == 1
+    assert run([*line, "--start", "1,1.5,0", "--json", "--time-limit", "60", "--drive"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["ended"] == "the time limit of 20 s"
+    assert document["ended"] == "nothing that the robot can reach is unknown"
+    assert document["drive"]["reached"] == document["drive"]["goals"] == 5
+    assert document["drive"]["contacts"] == document["contacts"] == 0
     assert load_map(out / "map.yaml").data.size
     assert {"explore.png", "explore.json", "map.yaml", "run.npz"} <= {each.name for each in out.iterdir()}
