@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from navstack.core import GridGeometry, LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization import LoggedScan
-from navstack.logs import MappingModel, map_from_frames
+from navstack.logs import GrowingMap, MappingModel, map_from_frames
 from navstack.mapping.mapper import Mapper
 from navstack.mapping.params import MapperParams
 from navstack.plugins import LOCALIZERS, Localizer, ParamModel, PoseEstimate
@@ -21,6 +21,8 @@ from navstack.plugins import LOCALIZERS, Localizer, ParamModel, PoseEstimate
 _BLOCK_M: Final = 2.0
 """The corners of the growing map are multiples of this, so that a costmap is seldom resized."""
 _MARGIN_M: Final = 1.0
+_MOVED: Final = (0.02, 0.02, 0.01)
+"""From this change of the pose of one of its scans on (m, m, rad), the map is drawn from the beginning."""
 
 
 @LOCALIZERS.register("mapping")
@@ -41,8 +43,9 @@ class OnlineMapper(Localizer):
         self._estimate: PoseEstimate | None = None
         self._reach = math.inf
         """Range of the lidar (m); beams without a return are free up to there."""
-        self._drawn = 0
-        """Keyframes in the map that was returned last."""
+        self._drawn = np.empty((0, 3))
+        """Poses of the scans in the map that grows."""
+        self._growing: GrowingMap | None = None
 
     def set_map(self, grid: OccupancyGrid) -> None:
         """The map is not used: it makes its own."""
@@ -108,18 +111,28 @@ class OnlineMapper(Localizer):
 
         Raises LogError before the first scan.
         """
-        params = self.mapper.params
-        reach = min(max_range, self._reach, params.max_laser_range)
-        model = MappingModel(max_range=reach, clear_without_return=clear_without_return)
-        grid = map_from_frames(self.frames, resolution=params.resolution, model=model)[0]
+        model, resolution = self._model(max_range, clear_without_return), self.mapper.params.resolution
+        grid = map_from_frames(self.frames, resolution=resolution, model=model)[0]
         return grid if radius <= 0.0 else self._with_way(grid, radius)
 
     def grown_map(self, radius: float) -> OccupancyGrid | None:
         """Return the map, with unknown space around it, if it has a new scan; see `Localizer.grown_map`."""
-        if self.keyframes == self._drawn:
+        poses, drawn = self.poses(), self._drawn
+        if len(poses) == len(drawn):
             return None
-        self._drawn = self.keyframes
-        return padded(self.map(radius=radius), _MARGIN_M, _BLOCK_M)
+        growing = self._growing
+        moved = np.abs(poses[: len(drawn)] - drawn)
+        if growing is None or (len(drawn) and bool((moved > _MOVED).any())):
+            growing, drawn = GrowingMap(self.mapper.params.resolution, self._model(math.inf, True)), drawn[:0]
+        for k, frame in enumerate(self.frames()):
+            if k >= len(drawn):
+                growing.add(frame)
+        self._growing, self._drawn = growing, np.concatenate((drawn, poses[len(drawn) :]))
+        return padded(self._with_way(growing.grid(), radius), _MARGIN_M, _BLOCK_M)
+
+    def _model(self, max_range: float, clear_without_return: bool) -> MappingModel:
+        reach = min(max_range, self._reach, self.mapper.params.max_laser_range)
+        return MappingModel(max_range=reach, clear_without_return=clear_without_return)
 
     def _with_way(self, grid: OccupancyGrid, radius: float) -> OccupancyGrid:
         """Return the map with unknown cells free where the base has been: no sensor sees the place that it stands on."""

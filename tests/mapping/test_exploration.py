@@ -189,3 +189,27 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert document["drive"]["contacts"] == document["contacts"] == 0
     assert load_map(out / "map.yaml").data.size
     assert {"explore.png", "explore.json", "map.yaml", "run.npz"} <= {each.name for each in out.iterdir()}
+
+
+def test_a_map_that_grows_has_the_cells_of_one_that_is_made_at_once() -> None:
+    from navstack.core import Transform2D
+    from navstack.localization import LoggedScan
+    from navstack.logs import GrowingMap, MappingModel, map_from_frames
+    from tests.localization.rooms import free_pose, rooms, scan_from
+
+    world = rooms()
+    rng = np.random.default_rng(2)
+    poses = [free_pose(world, rng) for _ in range(12)]
+    frames = [
+        LoggedScan(k, scan_from(world, pose, reach=3.0), Transform2D(), Transform2D(), Pose2D(*pose))
+        for k, pose in enumerate(poses)
+    ]
+    model = MappingModel(max_range=2.9, clear_without_return=True)
+    growing = GrowingMap(0.05, model)
+    for k, frame in enumerate(frames):
+        growing.add(frame)
+        if k in (0, 5, 11):
+            whole = map_from_frames(lambda k=k: frames[: k + 1], resolution=0.05, model=model)[0]
+            grid = growing.grid()
+            assert grid.geometry == whole.geometry
+            assert (grid.data != whole.data).mean() < 1e-4  # a point on the border of two cells may fall into either
