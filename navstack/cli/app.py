@@ -211,6 +211,12 @@ EXPLAIN_COMMANDS: Final = {
         "cell",
         "Explain the cost of a cell: the layer and sensor that set it, the time, and the share of every layer.",
     ),
+    "map": LazyCommand(
+        "explain.map",
+        "map_",
+        "List the scans that made a cell of a map: which saw an obstacle there, which saw through it, when, from where.",
+        NEGATIVE_NUMBERS,
+    ),
     "tracking": LazyCommand(
         "explain.tracking",
         "tracking",

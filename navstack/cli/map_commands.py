@@ -20,6 +20,7 @@ from navstack.cli.log_options import (
     drive_options,
     print_drive_notes,
 )
+from navstack.cli.map_building import build, solve_graph
 from navstack.cli.map_edit import edit, merge_maps
 from navstack.cli.options import file_in
 from navstack.cli.output import loading_kernels, print_files, print_json
@@ -28,6 +29,8 @@ from navstack.logs import MappingModel, logged_scans, map_from_frames, open_scan
 from navstack.map_io import save_map
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make and edit maps.")
+app.command("build")(build)
+app.command("solve")(solve_graph)
 app.command("edit")(edit)
 app.command("merge")(merge_maps)
 app.command("explore")(explore)

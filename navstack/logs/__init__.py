@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from navstack.logs.log import LogMessage as LogMessage
     from navstack.logs.mapping import GrowingMap as GrowingMap
     from navstack.logs.mapping import MappingModel as MappingModel
+    from navstack.logs.mapping import cell_changes as cell_changes
     from navstack.logs.mapping import map_from_frames as map_from_frames
     from navstack.logs.scan_log import RunScanLog as RunScanLog
     from navstack.logs.scan_log import ScanLog as ScanLog

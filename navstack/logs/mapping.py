@@ -234,3 +234,40 @@ def _geometry(bounds: _Bounds, resolution: float) -> GridGeometry:
 
 def _log_odds(probability: float) -> float:
     return math.log(probability / (1.0 - probability))
+
+
+@dataclass(frozen=True, slots=True)
+class CellChange:
+    """What one scan changed of a cell."""
+
+    frame: LoggedScan
+    hit: bool
+    """True: a beam ended in the cell; False: one passed it, and none ended there."""
+    occupancy: float
+    """Of the cell afterwards, 0 to 1."""
+
+
+def cell_changes(
+    frames: Iterable[LoggedScan], grid: OccupancyGrid, x: float, y: float, model: MappingModel | None = None
+) -> Iterator[CellChange]:
+    """Yield the scans that changed the cell at (x, y) (m) of a map that `map_from_frames` made of the same frames.
+
+    Raises LogError for a place outside the map.
+    """
+    m, g = model or MappingModel(), grid.geometry
+    ix, iy = math.floor((x - g.origin_x) / g.resolution), math.floor((y - g.origin_y) / g.resolution)
+    if not (0 <= ix < g.nx and 0 <= iy < g.ny):
+        left, right, bottom, top = g.extent
+        raise LogError(
+            f"({x:g}, {y:g}) is outside the map, which covers x {left:g} .. {right:g}, y {bottom:g} .. {top:g} m"
+        )
+    odds, seen = np.zeros(g.shape, np.float32), np.zeros(g.shape, np.int32)
+    settings = np.array([(g.resolution, _log_odds(m.hit), -_log_odds(m.miss), _log_odds(m.limit))], MODEL)
+    corner = np.array([g.origin_x, g.origin_y])
+    for number, (frame, eye, ends) in enumerate(_placed(frames, m), start=1):
+        ends[:, :2] -= corner
+        add_scan(odds, seen, number, eye - corner, ends, settings)
+        if seen[iy, ix] == number:
+            cells = np.floor(ends[:, :2] / g.resolution).astype(np.int64)
+            hit = bool(((cells == (ix, iy)).all(axis=1) & (ends[:, 2] > 0.0)).any())
+            yield CellChange(frame, hit, 1.0 / (1.0 + math.exp(-float(odds[iy, ix]))))

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from navstack.mapping.merge import merged as merged
     from navstack.mapping.online import OnlineMapper as OnlineMapper
     from navstack.mapping.params import MapperParams as MapperParams
+    from navstack.mapping.report import judge_mounting as judge_mounting
+    from navstack.mapping.report import report_document as report_document
+    from navstack.mapping.session import load_session as load_session
+    from navstack.mapping.session import save_session as save_session
     from navstack.mapping.pose_graph import Edge as Edge
     from navstack.mapping.pose_graph import PoseGraph as PoseGraph
     from navstack.mapping.pose_graph import Solution as Solution

@@ -16,7 +16,7 @@ from array import array
 from collections import OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,15 +167,18 @@ class Mapper:
         """Every loop that was decided, accepted or not, in order."""
         self.steps: list[Step] = []
         self.observations = Observations()
-        self._pending: list[Loop] = []
+        self.pending: list[Loop] = []
+        """Loops that wait for a second match."""
         self._poses: NDArray[np.float64] = np.empty((64, 3))
         self._lengths: list[float] = []
+        self._middles: list[tuple[float, float]] = []
         self._travelled: list[float] = []
         self._last: tuple[float, Transform2D | None] | None = None
         self._moved = Transform2D()
         self._driven = Transform2D()
         self._matched = Transform2D()
-        self._track = array("d")
+        self.track = array("d")
+        """Stamp, number of the last keyframe, and the step from it (m, rad), of every scan that was used."""
         self._velocity = Transform2D()
         self._local: Surfaces | None = None
         self._intervals: deque[float] = deque(maxlen=50)
@@ -196,6 +199,11 @@ class Mapper:
         """Length of the path along the keyframes (m)."""
         return self._travelled[-1] if self._travelled else 0.0
 
+    @property
+    def last_stamp(self) -> float | None:
+        """Stamp of the last scan that was added (s); None before the first one."""
+        return None if self._last is None else self._last[0]
+
     def map(self, model: MappingModel | None = None) -> OccupancyGrid:
         """Return the map of all keyframes at the poses of the graph. Raises LogError without a keyframe."""
         chosen = model or MappingModel(max_range=self.params.max_laser_range)
@@ -209,7 +217,7 @@ class Mapper:
 
     def trajectory(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return stamps (n,) and poses (n, 3) of all scans that were used."""
-        table = np.array(self._track).reshape(-1, 5)
+        table = np.array(self.track).reshape(-1, 5)
         base, step = self.graph.poses[table[:, 1].astype(np.int64)], table[:, 2:]
         c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
         x = base[:, 0] + c * step[:, 0] - s * step[:, 1]
@@ -265,9 +273,9 @@ class Mapper:
 
     def finish(self) -> None:
         """Decide what is pending and solve the graph a last time."""
-        for loop in self._pending:
+        for loop in self.pending:
             self._decide(loop, False, "no second match confirmed it")
-        self._pending.clear()
+        self.pending.clear()
         if self._unsolved:
             self._solve()
         chi2 = self.graph.edge_chi2() if self.graph.edges else np.empty(0)
@@ -275,6 +283,36 @@ class Mapper:
         for loop in self.loops:
             if loop.accepted:
                 loop.residual = by_nodes.get((loop.place, loop.keyframe), math.nan)
+
+    def state(self) -> dict[str, Any]:
+        """Return what else the mapper needs to go on, for JSON; `restore` takes it."""
+        return {
+            "last": None if self._last is None else [self._last[0], None if self._last[1] is None else list(self._last[1])],
+            "moved": list(self._moved),
+            "driven": list(self._driven),
+            "matched": list(self._matched),
+            "velocity": list(self._velocity),
+            "intervals": list(self._intervals),
+            "unsolved": self._unsolved,
+            "tried_at": self._tried_at if math.isfinite(self._tried_at) else None,
+            "travelled": self._travelled,
+            "lengths": self._lengths,
+            "middles": self._middles,
+        }
+
+    def restore(self, poses: NDArray[np.float64], edges: list[Edge], state: dict[str, Any]) -> None:
+        """Take the poses (n, 3) of the keyframes, the edges, and what `state` returned."""
+        self._poses = np.concatenate((poses, np.empty((max(64, len(poses)), 3))))
+        self.graph = PoseGraph(self._poses[: len(poses)], edges)
+        last = state["last"]
+        self._last = None if last is None else (last[0], None if last[1] is None else Transform2D(*last[1]))
+        self._moved, self._driven = Transform2D(*state["moved"]), Transform2D(*state["driven"])
+        self._matched, self._velocity = Transform2D(*state["matched"]), Transform2D(*state["velocity"])
+        self._intervals.extend(state["intervals"])
+        self._unsolved = state["unsolved"]
+        self._tried_at = -math.inf if state["tried_at"] is None else state["tried_at"]
+        self._travelled, self._lengths = state["travelled"], state["lengths"]
+        self._middles = [(x, y) for x, y in state["middles"]]
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
@@ -332,12 +370,12 @@ class Mapper:
         moved, turned = math.hypot(since.x, since.y), abs(since.yaw)
         if guessed is None:
             sigma = (
-                0.02 + p.odometry_distance_error * moved + 0.02 * turned,
-                0.01 + p.odometry_heading_error * turned + 0.03 * moved,
+                0.03 + p.odometry_distance_error * moved + 0.02 * turned,
+                0.02 + p.odometry_heading_error * turned + 0.03 * moved,
             )
         else:
             sigma = 0.1 + 0.3 * math.hypot(guessed.x, guessed.y), 0.1 + 0.3 * abs(guessed.yaw)
-        match = self._best_match(surface, predicted, sigma)
+        match = self._best_match(surface, predicted, sigma, widely=guessed is not None)
         fits = match.response >= p.link_match_minimum_response_fine
         prior = _prior(predicted, sigma)
         if not fits:
@@ -347,7 +385,7 @@ class Mapper:
         relative = start.inverse() @ pose
         correction = predicted.inverse() @ pose
         if guessed is not None:
-            stamp_before, k_before, *made_before = self._track[-5:]
+            stamp_before, k_before, *made_before = self.track[-5:]
             dt = max(stamp - stamp_before, 1e-3)
             made = (self._keyframe_pose(int(k_before)) @ Transform2D(*made_before)).inverse() @ pose
             self._velocity = Transform2D(made.x / dt, made.y / dt, made.yaw / dt) if fits else Transform2D()
@@ -364,8 +402,14 @@ class Mapper:
         decided = self._close_loops(k) if p.do_loop_closing else ()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
 
-    def _best_match(self, surface: NDArray[np.float64], predicted: Transform2D, sigma: tuple[float, float]) -> Match:
-        """Return the match near the prediction; where nothing fits there, the best of a wide search if it fits well."""
+    def _best_match(
+        self, surface: NDArray[np.float64], predicted: Transform2D, sigma: tuple[float, float], *, widely: bool
+    ) -> Match:
+        """Return the match near the prediction; `widely`: where nothing fits there, the best of a wide search if it fits well.
+
+        After a step of the odometry there is no wide search: a scan that sees mostly new things fits badly where it belongs, and
+        somewhere else by chance.
+        """
         p = self.params
         if self._local is None:
             first = max(0, len(self.keyframes) - p.scan_buffer_size)
@@ -380,7 +424,7 @@ class Mapper:
         found, _ = self._local.search(surface, predicted, half_m=half_m, half_rad=half_rad, sigma=sigma)
         prior = _prior(predicted, sigma)
         match = self._local.align(surface, found, (predicted, prior))
-        if match.response < 0.5:
+        if widely and match.response < 0.5:
             found, _ = self._local.search(surface, predicted, half_m=2.0, half_rad=1.2, sigma=(2.0, 1.0))
             wide = self._local.align(surface, found)
             if wide.response > match.response + 0.15:
@@ -394,6 +438,8 @@ class Mapper:
             self._poses = np.concatenate((self._poses, np.empty_like(self._poses)))
         self._poses[k] = pose
         self.graph.poses = self._poses[: k + 1]
+        surface = self.keyframes.surface(k, self.params.max_laser_range)
+        self._middles.append((float(surface[:, 0].mean()), float(surface[:, 1].mean())))
         step = 0.0 if k == 0 else math.hypot(*(self._poses[k, :2] - self._poses[k - 1, :2]))
         self._travelled.append(self.travelled + step)
         self._moved = self._matched = self._driven = Transform2D()
@@ -403,7 +449,7 @@ class Mapper:
 
     def _passed(self, stamp: float) -> None:
         """Keep the place of a scan: its stamp, the last keyframe, and the step from there."""
-        self._track.extend((stamp, len(self.keyframes) - 1, *self._moved))
+        self.track.extend((stamp, len(self.keyframes) - 1, *self._moved))
 
     def _keyframe_pose(self, k: int) -> Transform2D:
         return Transform2D(*self._poses[k].tolist())
@@ -413,8 +459,8 @@ class Mapper:
     def _close_loops(self, k: int) -> tuple[Loop, ...]:
         """Compare a keyframe with the places near it; return the loops that are decided with it."""
         decided: list[Loop] = []
-        for loop in [each for each in self._pending if self.travelled - self._travelled[each.keyframe] > 10.0]:
-            self._pending.remove(loop)
+        for loop in [each for each in self.pending if self.travelled - self._travelled[each.keyframe] > 10.0]:
+            self.pending.remove(loop)
             decided.append(self._decide(loop, False, "no second match confirmed it"))
         for place, path, drift in self._places(k):
             loop, why_not = self._compare(k, place, path, drift)
@@ -423,22 +469,29 @@ class Mapper:
                 continue
             partners = [
                 each
-                for each in self._pending
+                for each in self.pending
                 if agree(each, loop, self.graph.poses, self.travelled - self._travelled[each.keyframe])
             ]
-            self._pending.append(loop)
+            self.pending.append(loop)
             if partners:
                 decided += self._accept([*partners, loop])
                 break
         return tuple(decided)
 
     def _places(self, k: int) -> list[tuple[int, float, tuple[float, float]]]:
-        """Return the nearest keyframe of each place to compare, its distance in the graph (m), and the drift to expect."""
+        """Return the nearest keyframe of each place to compare, its distance in the graph (m), and the drift to expect.
+
+        Near are scans whose points are near each other, on average: a narrow scan sees a place that is ahead of the robot.
+        """
         p = self.params
         end = k - p.scan_buffer_size
         if end < 1 or self.travelled - self._tried_at < 0.5:
             return []
-        away = np.hypot(*(self.graph.poses[:end, :2] - self.graph.poses[k, :2]).T)
+        poses, middles = self.graph.poses, np.array(self._middles)
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x = poses[:, 0] + c * middles[:, 0] - s * middles[:, 1]
+        y = poses[:, 1] + s * middles[:, 0] + c * middles[:, 1]
+        away = np.hypot(x[:end] - x[k], y[:end] - y[k])
         widest = 0.5 * p.loop_search_space_dimension
         if not (away < p.loop_search_maximum_distance + widest).any():
             return []
@@ -502,7 +555,7 @@ class Mapper:
         edges, lengths = len(self.graph.edges), len(self._lengths)
         poses, unsolved = self.graph.poses.copy(), self._unsolved
         for loop in loops:
-            self._pending.remove(loop)
+            self.pending.remove(loop)
             self.graph.edges.append(Edge(loop.place, loop.keyframe, loop.measured, loop.information, True))
             self._lengths.append(math.hypot(loop.measured.x, loop.measured.y))
         numbers = [loop.keyframe for loop in loops]

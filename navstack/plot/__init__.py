@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from navstack.plot.localization import plot_starts as plot_starts
     from navstack.plot.localization import plot_track as plot_track
     from navstack.plot.localization import plot_track_errors as plot_track_errors
+    from navstack.plot.mapping import plot_mapping as plot_mapping
     from navstack.plot.maps import plot_costmap as plot_costmap
     from navstack.plot.maps import plot_costmap_at as plot_costmap_at
     from navstack.plot.maps import plot_map as plot_map
