@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from navstack.core import (
@@ -66,6 +67,8 @@ _EXAMPLES: Final = {
     "free_thresh": "free_thresh: 0.196",
     "mode": "mode: trinary",
 }
+_SAVED: Final = {-1: 205, 0: 254, 100: 0}
+"""Pixels of map_saver by value."""
 _REQUIRED: Final = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
@@ -142,6 +145,19 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
             "resolution", f'"resolution" must be a positive number of meters per cell, not {resolution:g}'
         )
     x, y, yaw = _origin(document)
+    mode, negate, occupied, free = _rules(document)
+    span = (lowest, highest)
+
+    def occupancy(channels: NDArray[np.uint8], alpha: NDArray[np.uint8] | None) -> NDArray[np.int8]:
+        return _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=span)
+
+    data = _read_image(document, occupancy)
+    ny, nx = data.shape
+    return OccupancyGrid(data, GridGeometry(nx, ny, resolution, x, y), yaw, "map", raw=mode == "raw")
+
+
+def _rules(document: _Yaml) -> tuple[str, bool, float, float]:
+    """Return mode, negate, occupied_thresh and free_thresh."""
     negate = _negate(document)
     occupied, free = document.fraction("occupied_thresh"), document.fraction("free_thresh")
     if free >= occupied:
@@ -155,48 +171,68 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
         raise document.error(
             "mode", f'"mode" must be one of {", ".join(MODES)}, not {short_repr(document.values["mode"])}'
         )
-    span = (lowest, highest)
-
-    def occupancy(channels: NDArray[np.uint8], alpha: NDArray[np.uint8] | None) -> NDArray[np.int8]:
-        return _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=span)
-
-    data = _read_image(document, occupancy)
-    ny, nx = data.shape
-    return OccupancyGrid(data, GridGeometry(nx, ny, resolution, x, y), yaw, "map", raw=mode == "raw")
+    return mode, negate, occupied, free
 
 
-def save_map(grid: OccupancyGrid, path: str | Path) -> tuple[Path, Path]:
+def save_map(grid: OccupancyGrid, path: str | Path, *, like: str | Path | None = None) -> tuple[Path, Path]:
     """Write `grid` as the YAML file `path` and a pgm image next to it, each atomically; return both paths.
 
-    Grids of -1, 0 and 100 are written as by map_saver (mode trinary, pixels 205, 254, 0), others in mode raw. In both cases
-    `load_map` restores the same cells. Raises OutputError if the files cannot be written.
+    Grids of -1, 0 and 100 are written as by map_saver (mode trinary, pixels 205, 254, 0), others in mode raw. With `like`, the
+    YAML file (or packaged name) of another map, its fields are kept: mode, negate, thresholds, and those that map_server does
+    not know; values that its mode cannot express are written as without it. In all cases `load_map` restores the same cells.
+    Raises OutputError if the files cannot be written, MapError if `like` is no map.
     """
     from PIL import Image
 
     target = Path(path)
     if target.suffix.lower() not in (".yaml", ".yml"):
         target = target.with_name(target.name + ".yaml")
+    source = None if like is None else _read_yaml(_file_of(like))
+    kept = None if source is None else _kept(source, grid)
     ensure_directory(target.parent)
     image_path = target.with_suffix(".pgm")
-    trinary = bool(np.isin(grid.data, (-1, 0, 100)).all())
-    if trinary:
-        pixels = np.full(grid.data.shape, 205, np.uint8)
-        pixels[grid.data == 0] = 254
-        pixels[grid.data == 100] = 0
+    if kept is None:
+        trinary = bool(np.isin(grid.data, (-1, 0, 100)).all())
+        fields = {
+            "mode": "trinary" if trinary else "raw",
+            "negate": "0",
+            "occupied_thresh": "0.65",
+            "free_thresh": "0.196",
+        }
+        table = np.arange(256, dtype=np.uint8)
+        if trinary:
+            table[[value & 255 for value in _SAVED]] = list(_SAVED.values())
+        pixels = table[grid.data.view(np.uint8)]
     else:
-        pixels = grid.data.view(np.uint8)
+        fields, pixels = kept
+    others = {} if source is None else {key: source.values[key] for key in source.values if key not in _EXAMPLES}
     with atomic_write(image_path) as beside:
         Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(beside)
     geometry = grid.geometry
-    write_text(
-        target,
-        f"image: {image_path.name}\n"
-        f"mode: {'trinary' if trinary else 'raw'}\n"
-        f"resolution: {_yaml_float(geometry.resolution)}\n"
-        f"origin: [{', '.join(map(_yaml_float, (geometry.origin_x, geometry.origin_y, grid.origin_yaw)))}]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-    )
+    origin = ", ".join(map(_yaml_float, (geometry.origin_x, geometry.origin_y, grid.origin_yaw)))
+    lines = [f"image: {image_path.name}", f"mode: {fields.pop('mode')}"]
+    lines += [f"resolution: {_yaml_float(geometry.resolution)}", f"origin: [{origin}]"]
+    lines += [f"{key}: {value}" for key, value in fields.items()]
+    more = yaml.safe_dump(others, sort_keys=False, default_flow_style=None) if others else ""
+    write_text(target, "\n".join(lines) + "\n" + more)
     return target, image_path
+
+
+def _kept(source: _Yaml, grid: OccupancyGrid) -> tuple[dict[str, str], NDArray[np.uint8]] | None:
+    """Return the fields of a map and the pixels (ny, nx) that mean the grid's values by them; None if some have no pixel."""
+    mode, negate, occupied, free = _rules(source)
+    gray = np.arange(256, dtype=np.uint8).reshape(1, 256, 1)
+    meant = _occupancy(gray, None, mode=mode, negate=negate, occupied=occupied, free=free, span=(1.0, 99.0))[0]
+    table = np.zeros(256, np.uint8)
+    for value in np.unique(grid.data).tolist():
+        pixels = np.nonzero(meant == value)[0]
+        if len(pixels) == 0:
+            return None
+        usual = _SAVED.get(value, -1)
+        table[value & 255] = usual if usual in pixels else pixels[len(pixels) // 2]
+    fields = {"mode": mode, "negate": str(int(negate))}
+    fields |= {"occupied_thresh": _yaml_float(occupied), "free_thresh": _yaml_float(free)}
+    return fields, table[grid.data.view(np.uint8)]
 
 
 def _yaml_float(value: float) -> str:

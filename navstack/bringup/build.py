@@ -207,12 +207,15 @@ def simulated_robot(
     low_obstacles: Sequence[tuple[float, float, float]] = (),
     shapes: Sequence[Shape] = (),
     seed: int = 0,
+    known_map: OccupancyGrid | None = None,
 ) -> SimulatedRobot:
     """Build the robot of the section `navstack: sim:` at `start` (map frame), among walls and `obstacles` (x, y, radius; m).
 
     `low_obstacles` are below the plane of higher lidars, but bumpers detect them. `shapes` are other static or moving
     obstacles; the bodies of the docks of `navstack: sim:` are added. A `World` instead of a map has its own obstacles, and no
     others can be added.
+
+    The robot localizes itself on `known_map` (default: the map of the world).
 
     Raises InputError, StartOutsideMapError, or StartOccupiedError if the robot collides at the start.
     """
@@ -226,7 +229,7 @@ def simulated_robot(
         world = World(static_map, obstacles, low_discs=low_obstacles, shapes=(*shapes, *docks))
     _check_start(world, footprint, start)
     sim, sections = configuration.navstack.sim, configuration.localization
-    localizer = make_localizer(sim, sections, world.map, start, seed)
+    localizer = make_localizer(sim, sections, known_map or world.map, start, seed)
     estimation = Estimation(localizer, make_filter(sim, sections), believed_start(sim, start))
     return SimulatedRobot(
         configuration.navstack.sim,

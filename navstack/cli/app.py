@@ -126,7 +126,7 @@ COMMANDS: Final = {
         "localize",
         "Find the robot's pose along a log: trajectory, errors against the log's reference, particles.",
     ),
-    "map": LazyCommand("map_commands", "app", "Make maps."),
+    "map": LazyCommand("map_commands", "app", "Make and edit maps."),
     "route": LazyCommand("route", "app", "Plan, check, draw and make route graphs (GeoJSON of nav2_route)."),
     "lattice": LazyCommand("lattice", "app", "Generate and check motion primitives for smac_lattice."),
     "bench": LazyCommand(
@@ -139,7 +139,7 @@ COMMANDS: Final = {
     ),
     "params": LazyCommand("params", "app", "Show, compare, document, migrate and convert parameters."),
     "ros1": LazyCommand(
-        "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl."
+        "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl, mapping."
     ),
     "ros2": LazyCommand(
         "ros2",

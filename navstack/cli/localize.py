@@ -115,9 +115,9 @@ class LocalizeOptions(NamedTuple):
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Parameter of the localizer, or `method=` scan_matching (default) or amcl (default with --params), both "
-            "supervised by searches over the map (`search=false`: scan matching alone), amcl_only, dead_reckoning, or a "
-            "localizer of another package (repeatable).",
+            help="Parameter of the localizer, or `method=` scan_matching (default), amcl (default with --params) or a "
+            "localizer of another package, which search the map once they are lost, or amcl_only or dead_reckoning, which only "
+            "say that they are (`search=false` and `true` change that; repeatable).",
         ),
     ] = []
     versus: Annotated[

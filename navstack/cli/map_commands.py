@@ -1,4 +1,4 @@
-"""`navstack map`: maps from logs."""
+"""`navstack map`: make maps, and change them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from navstack.cli import options
+from navstack.cli.explore import explore
 from navstack.cli.log_options import (
     LogFile,
     Mount,
@@ -20,15 +21,19 @@ from navstack.cli.log_options import (
     print_drive_notes,
 )
 from navstack.cli.map_building import build, solve_graph
+from navstack.cli.map_edit import edit, merge_maps
 from navstack.cli.options import file_in
 from navstack.cli.output import loading_kernels, print_files, print_json
 from navstack.core import InputError
 from navstack.logs import MappingModel, logged_scans, map_from_frames, open_scan_log
 from navstack.map_io import save_map
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make maps.")
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make and edit maps.")
 app.command("build")(build)
 app.command("solve")(solve_graph)
+app.command("edit")(edit)
+app.command("merge")(merge_maps)
+app.command("explore")(explore)
 
 
 @app.command("from-log")

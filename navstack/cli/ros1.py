@@ -15,12 +15,14 @@ from navstack.cli.scenario_options import ScenarioOptions, SimNodeOptions
 from navstack.ros1 import (
     AmclNode,
     FakeLocalization,
+    MappingNode,
     SimNode,
     check_thresholds,
     load_amcl,
     load_image,
     move_base_node,
     parameters,
+    read_mapping_params,
     receive_map,
     serve_map,
 )
@@ -30,7 +32,7 @@ app = typer.Typer(
     name="ros1",
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl.",
+    help="Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl, mapping.",
 )
 
 
@@ -146,6 +148,19 @@ def fake_localization(context: typer.Context, name: Name = "fake_localization") 
     """
     start_node(name, context)
     FakeLocalization().spin()
+    return 0
+
+
+@app.command("mapping", cls=NodeCommand, context_settings=NODE)
+def mapping(context: typer.Context, name: Name = "slam_gmapping") -> int:
+    """Make a map from scans and odometry, as gmapping: map, map_metadata, ~entropy, dynamic_map, map -> odom on /tf.
+
+    Parameters, with gmapping's names and defaults: ~base_frame base_link, ~odom_frame odom, ~map_frame map, ~delta 0.05 m,
+    ~maxUrange 80 m, ~map_update_interval 5 s, ~transform_publish_period 0.05 s, ~tf_delay, ~throttle_scans 1; ~linearUpdate and
+    ~angularUpdate (default 0.3 m and 0.3 rad). Exit codes: 0 shut down, 2 invalid input.
+    """
+    start_node(name, context)
+    MappingNode(read_mapping_params()).spin()
     return 0
 
 

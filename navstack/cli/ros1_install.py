@@ -25,7 +25,7 @@ def install(
         bool,
         typer.Option(
             "--drop-in/--no-drop-in",
-            help="Also packages named move_base, map_server, amcl and fake_localization: existing launch files run unchanged.",
+            help="Also packages named move_base, map_server, amcl, gmapping ..: existing launch files run unchanged.",
         ),
     ] = True,
     launch: Annotated[
@@ -33,7 +33,7 @@ def install(
         typer.Option("--launch", metavar="FILE", help="Launch file: print what its nodes must become (repeatable)."),
     ] = [],
 ) -> int:
-    """Write packages for roslaunch: navstack_ros1 (nodes, launch files), and move_base, map_server, amcl and fake_localization.
+    """Write packages for roslaunch: navstack_ros1 (nodes, launch files), and move_base, map_server, amcl, gmapping ..
 
     The latter take the place of the originals.
 

@@ -17,10 +17,15 @@ from navstack.plugins import LOCALIZERS, Localizer
 def make_localizer(
     sim: SimParams, sections: LocalizationConfiguration, grid: OccupancyGrid, start: Pose2D, seed: int
 ) -> Localizer | None:
-    """Return the localizer of `localization: amcl` or `scan_matching`, supervised, at the start pose.
+    """Return the localizer of `localization: amcl` or `scan_matching`, supervised, or `mapping`, at the start pose.
 
     None for another value.
     """
+    if sim.localization == "mapping":
+        mapping: Any = LOCALIZERS.get(sim.localization).cls
+        mapper: Localizer = mapping(seed=seed)
+        mapper.set_pose(believed_start(sim, start), np.diag([1e-4, 1e-4, 1e-4]), math.inf)
+        return mapper
     amcl, supervision = sections.amcl or AmclParams(), sections.supervision or SearchingParams()
     params = {"amcl": amcl, "scan_matching": supervision}.get(sim.localization)
     if params is None:

@@ -33,7 +33,8 @@ from navstack.localization.metrics import (
     relation_errors,
     relative_errors,
 )
-from navstack.plugins import Localizer, PoseEstimate
+from navstack.localization.searching import is_sure
+from navstack.plugins import Localizer
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,9 +54,6 @@ class LoggedScan:
 
 MAX_SNAPSHOTS: Final = 400
 """Most clouds of particles that a track keeps; of a longer log every second one, and so on."""
-
-SURE_M: Final = 0.5
-"""A localizer that does not say whether it is lost counts as sure below this standard deviation of the position (m)."""
 
 Cloud = Callable[[], NDArray[np.float64]]
 """Returns the possible poses (n, 3) of a localizer in the map: particles or hypotheses."""
@@ -185,15 +183,6 @@ def follow(
         clouds,
         1e3 * spent / len(rows),
     )
-
-
-def is_sure(estimate: PoseEstimate) -> bool:
-    """Return whether the robot is localized: as the localizer reports, or else by the spread of its position."""
-    details = estimate.details
-    if "lost" in details or "certain" in details:
-        return not details.get("lost", not details.get("certain", False))
-    spread = math.sqrt(max(float(estimate.covariance[0, 0] + estimate.covariance[1, 1]), 0.0))
-    return spread < SURE_M
 
 
 def _start(localizer: Localizer, frame: LoggedScan, initial_pose: Pose2D | None, globally: bool) -> None:

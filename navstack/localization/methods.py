@@ -18,10 +18,14 @@ from navstack.parameters import AmclParams, ScanMatcherParams, SearchingParams
 from navstack.plugins import LOCALIZERS, Localizer
 
 SUPERVISED: Final = "amcl"
-"""amcl, supervised by searches over the map; `amcl_only` is amcl alone, every other method a localizer of that name."""
+"""amcl, supervised by searches over the map; `amcl_only` is amcl as ROS's, every other method a localizer of that name."""
 ALONE: Final = "amcl_only"
+UNSEARCHED: Final = (ALONE, "dead_reckoning", "mapping")
+"""Methods that others are compared with: their estimates remain as they are, and they only say when they are lost.
+
+Every other method searches the map once it is lost. `search=false` leaves that out, `search=true` adds it.
+"""
 MATCHING: Final = "scan_matching"
-"""Scan matching, supervised as well: lost once, it would never search again. `search=false` leaves that out."""
 
 
 def methods() -> list[str]:
@@ -67,32 +71,31 @@ class Method:
 
     def build(self, seed: int) -> tuple[Localizer, Cloud]:
         """Return the localizer, without a map, and the function that returns its particles. Raises InputError."""
-        if self.name in (SUPERVISED, ALONE):
-            localizer = self._amcl(seed)
-        elif self.name == MATCHING:
-            localizer = self._matching()
+        search: SearchingParams = self._params(
+            SearchingParams, {"search": self.name not in UNSEARCHED} | self._values(SearchingParams)
+        )
+        if self.name == MATCHING:
+            tracker: Localizer = ScanMatcher(
+                ScanMatcherParams(**search.model_dump(include=set(ScanMatcherParams.model_fields)))
+            )
+        elif self.name in (SUPERVISED, ALONE):
+            written = {} if self.amcl is None else self.amcl.model_dump(include=self.amcl.model_fields_set)
+            tracker = Amcl(self._params(AmclParams, {**written, **self._values(AmclParams)}), seed=seed)
         else:
             cls: Any = LOCALIZERS.get(self.name).cls
-            localizer = cls(self._params(cls.Params, self.values), seed=seed)
-        return localizer, lambda: localizer.possible_poses()[0]
-
-    def _matching(self) -> Localizer:
-        params: SearchingParams = self._params(SearchingParams, self.values)
-        matcher = ScanMatcher(ScanMatcherParams(**params.model_dump(include=set(ScanMatcherParams.model_fields))))
-        return SearchingLocalizer(matcher, params) if params.search else matcher
-
-    def _amcl(self, seed: int) -> Localizer:
-        supervised = self.name == SUPERVISED
-        search = {k: v for k, v in self.values.items() if supervised and k in SearchingParams.model_fields}
-        own = {key: value for key, value in self.values.items() if key in AmclParams.model_fields}
-        other = [key for key in self.values if key not in search and key not in own]
+            tracker = cls(self._params(cls.Params, self._values(cls.Params)), seed=seed)
+        known = {*SearchingParams.model_fields, *(() if self.name == MATCHING else type(tracker).Params.model_fields)}
+        other = [key for key in self.values if key not in known]
         if other:
             raise InputError(
                 f"{self.name} has no parameter {short_repr(other[0])}; `navstack localize --help` names where to look"
             )
-        written = {} if self.amcl is None else self.amcl.model_dump(include=self.amcl.model_fields_set)
-        amcl = Amcl(self._params(AmclParams, {**written, **own}), seed=seed)
-        return SearchingLocalizer(amcl, self._params(SearchingParams, search)) if supervised else amcl
+        localizer = SearchingLocalizer(tracker, search)
+        return localizer, lambda: localizer.possible_poses()[0]
+
+    def _values(self, model: type[Any]) -> dict[str, Any]:
+        """Return the given values of a model's parameters."""
+        return {key: value for key, value in self.values.items() if key in model.model_fields}
 
     def _params(self, model: type[Any], values: dict[str, Any]) -> Any:
         try:

@@ -163,8 +163,25 @@ class LostDetector:
         return found[best, 1:].tolist(), float(np.hypot(*(both[best, :2] - believed[:2]))) if best else 0.0
 
 
+SURE_M: Final = 0.5
+"""A localizer that does not say whether it is lost counts as sure below this standard deviation of the position (m)."""
+
+
+def is_sure(estimate: PoseEstimate) -> bool:
+    """Return whether the robot is localized: as the localizer reports, or else by the spread of its position."""
+    details = estimate.details
+    if "lost" in details or "certain" in details:
+        return bool(details.get("certain", not details.get("lost", False)))
+    spread = math.sqrt(max(float(estimate.covariance[0, 0] + estimate.covariance[1, 1]), 0.0))
+    return spread < SURE_M
+
+
 _GAIN = 0.1
 """An estimate that jumps must explain this much more of the scan than the pose by the odometry."""
+_DOUBT = 0.25
+"""Share of `lost_evidence` from which an estimate is not certain any more: driving with a right pose does not reach it."""
+_FAR_M = 0.3
+"""Distance to the pose next to the estimate that explains the scan better, from which it is not certain either (m)."""
 _HANDED = np.diag([0.05**2, 0.05**2, 0.03**2])
 """Added to the covariance of a hypothesis that is handed to the tracker (m², rad²)."""
 
@@ -175,7 +192,10 @@ class SearchingLocalizer(Localizer):
     Every scan is compared with the map from the believed pose (`LostDetector`). While the robot is lost, and after a global
     start, hypotheses from searches over the whole map are tracked separately (`ScanMatcher`). Once few remain, the tracker
     gets all of them, with their probabilities; once one is certain, only that one. If it is the tracker's own pose, the alarm
-    was false and the pose does not change. `details` of the estimate: `lost`, `lost_since`, `explained`, `certain`, `searching`.
+    was false and the pose does not change. `details` of the estimate: `lost`, `lost_since`, `explained`, `searching`,
+    and `certain`: neither lost nor contradicted by the last scans.
+
+    With `search: false` it only watches: the tracker's estimates do not change, and `lost` says when they contradict the scans.
     """
 
     Params: ClassVar[type[ParamModel]] = SearchingParams
@@ -191,6 +211,8 @@ class SearchingLocalizer(Localizer):
         self._detector: LostDetector | None = None
         self._searching = True
         self._globally = True
+        self._unconfirmed = False
+        """The tracker started without a pose, by itself, and has not been sure of one since."""
         self._handed = 0
         """Hypotheses that the tracker has; 0 for a pose of its own."""
         self._since: float | None = None
@@ -220,7 +242,7 @@ class SearchingLocalizer(Localizer):
         self.tracker.set_pose(pose, covariance, stamp)
         self._require_map().reset()
         self._inputs.stamps.clear()
-        self._searching = self._globally = False
+        self._searching = self._globally = self._unconfirmed = False
         self._handed, self._estimate, self._accepted = 0, None, None
 
     def start_globally(self) -> None:
@@ -231,6 +253,7 @@ class SearchingLocalizer(Localizer):
         self._matcher.start_globally()
         self._inputs.stamps.clear()
         self._searching = self._globally = self.params.search
+        self._unconfirmed = not self.params.search
         self._handed, self._estimate, self._accepted, self._since = 0, None, None, None
 
     def request_update(self) -> None:
@@ -250,7 +273,8 @@ class SearchingLocalizer(Localizer):
     @property
     def lost(self) -> bool:
         """True if the robot does not know where it is: it is lost, or has not found itself since a global start."""
-        return self._globally or self._handed > 0 or (self._detector is not None and self._detector.lost)
+        unknown = self._globally or self._unconfirmed or self._handed > 0
+        return unknown or (self._detector is not None and self._detector.lost)
 
     @property
     def agreement(self) -> Agreement | None:
@@ -263,7 +287,7 @@ class SearchingLocalizer(Localizer):
         last = self.agreement
         count = self._matcher.count
         possible = f"{count} pose{'' if count == 1 else 's'} in the map explain{'s' if count == 1 else ''} its scans"
-        if self._globally:
+        if self._globally or self._unconfirmed:
             text = "the robot does not know yet where it started" + (f"; {possible}" if self._since is not None else "")
             return LocalizationStatus(True, self._since, None, text)
         if self._handed and self.alarms:
@@ -286,11 +310,13 @@ class SearchingLocalizer(Localizer):
         if self._globally:
             return self._find(detector, odometry, scan, sensor)
         found = self.tracker.update(odometry, scan, sensor)
-        if found is not None and self._accepted is not None and not self.lost:
+        if found is not None and self._accepted is not None and not self.lost and self.params.search:
             found = self._plausible(detector, self._accepted, found, odometry, scan, sensor)
         believed = self._accepted = found or self._accepted or self.tracker.estimate
         if believed is None:
             return None
+        if found is not None and self._unconfirmed:
+            self._unconfirmed = not is_sure(found)
         was_lost = detector.lost
         result = detector.update(_pose_of(believed.map_to_odom @ odometry), scan, sensor, odometry)
         if detector.lost and not was_lost and result is not None and not self._handed:
@@ -415,8 +441,9 @@ class SearchingLocalizer(Localizer):
 
     def _with_details(self, estimate: PoseEstimate) -> PoseEstimate:
         details = dict(estimate.details)
-        details |= {"lost": self.lost, "certain": not self.lost, "searching": self._searching}
         last = self.agreement
+        doubtful = last is not None and (last.evidence > _DOUBT * self.params.lost_evidence or last.correction > _FAR_M)
+        details |= {"lost": self.lost, "certain": not (self.lost or doubtful), "searching": self._searching}
         if last is not None:
             details |= {"explained": last.explained, "through": last.through, "lost_since": last.since}
         return dataclasses.replace(estimate, details=details)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from navstack.logs.log import Channel as Channel
     from navstack.logs.log import Log as Log
     from navstack.logs.log import LogMessage as LogMessage
+    from navstack.logs.mapping import GrowingMap as GrowingMap
     from navstack.logs.mapping import MappingModel as MappingModel
     from navstack.logs.mapping import cell_changes as cell_changes
     from navstack.logs.mapping import map_from_frames as map_from_frames

@@ -133,6 +133,75 @@ def map_from_frames(
     return OccupancyGrid(cells, geometry), count
 
 
+class GrowingMap:
+    """A grid to which scans with known poses are added one by one.
+
+    With the same scans, its cells are those of `map_from_frames`, but for what beams without a return have cleared beyond the
+    grid of their time.
+    """
+
+    def __init__(self, resolution: float, model: MappingModel | None = None) -> None:
+        self._model = model or MappingModel()
+        m = self._model
+        self._settings = np.array([(resolution, _log_odds(m.hit), -_log_odds(m.miss), _log_odds(m.limit))], MODEL)
+        self._resolution = resolution
+        self._corner = 0, 0
+        """Cell of the world at the grid's corner; cell (0, 0) of the world begins at (0, 0)."""
+        self._odds, self._seen = np.zeros((0, 0), np.float32), np.zeros((0, 0), np.int32)
+        self._bounds = _Bounds()
+        self.count = 0
+        """Number of scans."""
+
+    def add(self, frame: LoggedScan) -> None:
+        """Add a scan with a reference pose. Raises LogError if the grid would exceed the limit of maps."""
+        for _, eye, ends in _placed([frame], self._model):
+            self.count += 1
+            self._bounds.add(eye[None])
+            returned = ends[ends[:, 2] > 0.0, :2]
+            if len(returned):
+                self._bounds.add(returned)
+            self._reach(_geometry(self._bounds, self._resolution))
+            corner = np.array(self._corner) * self._resolution
+            ends[:, :2] -= corner
+            add_scan(self._odds, self._seen, self.count, eye - corner, ends, self._settings)
+
+    def grid(self) -> OccupancyGrid:
+        """Return the map. Raises LogError without a scan."""
+        if not self.count:
+            raise LogError("no scan has been added, so there is no map")
+        geometry, m = _geometry(self._bounds, self._resolution), self._model
+        x, y = self._cell(geometry)
+        part = np.s_[y - self._corner[1] :, x - self._corner[0] :]
+        odds = self._odds[part][: geometry.ny, : geometry.nx]
+        seen = self._seen[part][: geometry.ny, : geometry.nx]
+        cells = np.full(geometry.shape, -1, np.int8)
+        cells[(seen > 0) & (odds <= _log_odds(m.free))] = 0
+        cells[odds >= _log_odds(m.occupied)] = 100
+        return OccupancyGrid(cells, geometry)
+
+    def _cell(self, geometry: GridGeometry) -> tuple[int, int]:
+        return round(geometry.origin_x / self._resolution), round(geometry.origin_y / self._resolution)
+
+    def _reach(self, geometry: GridGeometry) -> None:
+        """Grow the arrays, by a quarter more than needed, until they contain a geometry."""
+        ny, nx = self._odds.shape
+        (x, y), (x0, y0) = self._cell(geometry), self._corner
+        if self.count > 1 and x >= x0 and y >= y0 and x + geometry.nx <= x0 + nx and y + geometry.ny <= y0 + ny:
+            return
+        more_x, more_y = geometry.nx // 4 + 1, geometry.ny // 4 + 1
+        low = x - more_x, y - more_y
+        shape = geometry.ny + 2 * more_y, geometry.nx + 2 * more_x
+        odds, seen = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
+        if self.count > 1:
+            # what is beyond the new geometry was never within the bounds
+            top, left = max(y0, low[1]), max(x0, low[0])
+            bottom, right = min(y0 + ny, low[1] + shape[0]), min(x0 + nx, low[0] + shape[1])
+            there = np.s_[top - low[1] : bottom - low[1], left - low[0] : right - low[0]]
+            here = np.s_[top - y0 : bottom - y0, left - x0 : right - x0]
+            odds[there], seen[there] = self._odds[here], self._seen[here]
+        self._odds, self._seen, self._corner = odds, seen, low
+
+
 def _placed(
     frames: Iterable[LoggedScan], model: MappingModel
 ) -> Iterator[tuple[LoggedScan, NDArray[np.float64], NDArray[np.float64]]]:

@@ -3,9 +3,27 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.mapping.edit import crop as crop
+    from navstack.mapping.edit import fill_holes as fill_holes
+    from navstack.mapping.edit import keepout_mask as keepout_mask
+    from navstack.mapping.edit import paint as paint
+    from navstack.mapping.edit import remove_specks as remove_specks
+    from navstack.mapping.edit import rotate as rotate
+    from navstack.mapping.edit import wall_direction as wall_direction
+    from navstack.mapping.exploration import Exploration as Exploration
+    from navstack.mapping.exploration import drive_on as drive_on
+    from navstack.mapping.exploration import exploration_report as exploration_report
+    from navstack.mapping.exploration import goals_on as goals_on
+    from navstack.mapping.exploration import overrides_for_exploration as overrides_for_exploration
+    from navstack.mapping.frontiers import ExplorationParams as ExplorationParams
+    from navstack.mapping.frontiers import Frontier as Frontier
     from navstack.mapping.loops import Loop as Loop
     from navstack.mapping.mapper import Mapper as Mapper
     from navstack.mapping.mapper import MatchResult as MatchResult
+    from navstack.mapping.merge import align as align
+    from navstack.mapping.merge import compare as compare
+    from navstack.mapping.merge import merged as merged
+    from navstack.mapping.online import OnlineMapper as OnlineMapper
     from navstack.mapping.params import MapperParams as MapperParams
     from navstack.mapping.pose_graph import Edge as Edge
     from navstack.mapping.pose_graph import PoseGraph as PoseGraph

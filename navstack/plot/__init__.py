@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from navstack.plot.commands import plot_steering as plot_steering
     from navstack.plot.coverage import plot_coverage as plot_coverage
     from navstack.plot.docking import plot_docking as plot_docking
+    from navstack.plot.exploration import plot_exploration as plot_exploration
     from navstack.plot.fan import plot_command as plot_command
     from navstack.plot.film import animate_run as animate_run
     from navstack.plot.goals import plot_goal_reports as plot_goal_reports

@@ -173,6 +173,7 @@ BUILTIN: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "localizer": {
         "amcl": ("navstack.localization.amcl", "amcl/amcl", "nav2_amcl/AmclNode"),
         "dead_reckoning": ("navstack.localization.dead_reckoning",),
+        "mapping": ("navstack.mapping.online",),
         "scan_matching": ("navstack.localization.scan_matcher",),
     },
     "dock type": {

@@ -98,6 +98,13 @@ class Localizer(ABC):
         poses = np.empty((0, 3)) if found is None else np.array([tuple(found.pose)], np.float64)
         return poses, np.ones(len(poses))
 
+    def grown_map(self, radius: float) -> OccupancyGrid | None:
+        """Return the map that the localizer makes, if it has changed since the last call; None (the default) for no map.
+
+        `radius` (m) is that of the circle in the footprint: cells where the base has been are free.
+        """
+        return None
+
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved (`request_nomotion_update`). Default: does nothing."""
         return

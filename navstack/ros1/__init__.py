@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from navstack.ros1.map_nodes import load_image as load_image
     from navstack.ros1.map_nodes import receive_map as receive_map
     from navstack.ros1.map_nodes import serve_map as serve_map
+    from navstack.ros1.mapping_node import MappingNode as MappingNode
+    from navstack.ros1.mapping_node import read_mapping_params as read_mapping_params
     from navstack.ros1.packages import install as install
     from navstack.ros1.sim_node import SimNode as SimNode
     from navstack.ros1.tour import Tour as Tour

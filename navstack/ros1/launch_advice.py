@@ -21,6 +21,7 @@ REPLACED: Final = {
     ("map_server", "map_saver"): "map_saver",
     ("amcl", "amcl"): "amcl",
     ("fake_localization", "fake_localization"): "fake_localization",
+    ("gmapping", "slam_gmapping"): "slam_gmapping",
     ("tf", "static_transform_publisher"): "static_transform_publisher",
     ("teleop_twist_keyboard", "teleop_twist_keyboard.py"): "teleop",
 }

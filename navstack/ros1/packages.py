@@ -25,6 +25,7 @@ NODES: Final[Mapping[str, str]] = {
     "map_saver": "map_saver",
     "amcl": "amcl",
     "fake_localization": "fake_localization",
+    "slam_gmapping": "mapping",
     "linear_move": "linear_move",
     "linear_move_server": "linear_move --service",
     "radian_turn": "radian_turn",
@@ -106,6 +107,7 @@ DROP_IN: Final = {
     "map_server": ("map_server", "map_saver"),
     "amcl": ("amcl",),
     "fake_localization": ("fake_localization",),
+    "gmapping": ("slam_gmapping",),
     "tf": ("static_transform_publisher",),
 }
 """Packages with the names of the original ones, and their nodes."""

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
     from navstack.scenario.footprint_scenarios import FOOTPRINTS as FOOTPRINTS
     from navstack.scenario.footprint_scenarios import check_footprint as check_footprint
     from navstack.scenario.interactions import INTERACTION as INTERACTION
+    from navstack.scenario.interactions import Cancel as Cancel
     from navstack.scenario.interactions import Drive as Drive
+    from navstack.scenario.interactions import GoTo as GoTo
+    from navstack.scenario.interactions import Wait as Wait
     from navstack.scenario.outcome import GoalOutcome as GoalOutcome
     from navstack.scenario.outcome import RunResult as RunResult
     from navstack.scenario.outcome import failure_advice as failure_advice

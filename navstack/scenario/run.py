@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
 from navstack.core import (
+    GridGeometry,
     InputError,
     InternalError,
     Listener,
     NavError,
+    OccupancyGrid,
     Pose2D,
     Transform2D,
     normalize_angle,
     touches_lethal,
     working_time,
 )
+from navstack.costmap import LayeredCostmap
 from navstack.docking import DockDatabase, Docking, DockTask, Undocking
 from navstack.move_base import MotionHandle, MoveBase
 from navstack.parameters import Finding
@@ -151,6 +154,10 @@ MAX_IDLE_CYCLES = 1000
 LONGEST_IDLE_S = 0.2
 """Longest cycle without a goal (s)."""
 
+_MAP_S = 1.0
+"""Time between two maps of a robot that makes its own (s)."""
+_UNKNOWN_M = 4.0
+"""Width of the unknown map that it begins with (m)."""
 DRIVING_S = 0.05
 """Longest cycle while the robot is driven by hand (s)."""
 
@@ -178,8 +185,11 @@ class Run:
         measure: bool = True,
         timings: bool | Timings = False,
         listeners: Sequence[Listener] = (),
+        known_map: OccupancyGrid | None = None,
     ) -> None:
-        """`record=False` keeps only what the metrics need, `scans=False` all but the scans. `spool`: folder in which the
+        """`known_map`: the map that the robot has (default: that of the world; none if its localization makes one).
+
+        `record=False` keeps only what the metrics need, `scans=False` all but the scans. `spool`: folder in which the
         record grows instead of in memory. `timings` measures the time of
         both planners, into the given `Timings` or by the wall clock. With `measure=False` there are no metrics either, and the
         memory does not grow with the run.
@@ -188,7 +198,14 @@ class Run:
         items = scenario.items
         scenario.success.check_goals(len(items))
         self.scenario = scenario
-        self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
+        if known_map is None and configuration.navstack.sim.localization == "mapping":
+            known_map = _nothing_known(scenario)
+        self.known_map = known_map or scenario.map
+        """The map that the robot has; it grows if its localization makes one."""
+        self._map_due = 0.0
+        self.robot = simulated_robot(
+            configuration, scenario.world(), scenario.start, seed=scenario.seed, known_map=known_map
+        )
         self._measurements = RunMeasurements(self.robot, keep=measure)
         self.recorder = new_recorder(scenario, self.robot, scans=scans, spool=spool) if record else None
         if self.recorder is not None:
@@ -203,7 +220,7 @@ class Run:
         self.move_base = build_move_base(
             configuration,
             self.robot,
-            static_map=scenario.map,
+            static_map=self.known_map,
             listeners=listening,
             stopwatch=None if self.timings is None else self.timings.clock,
         )
@@ -280,6 +297,7 @@ class Run:
         before, backward = robot.time, robot.state().velocity.vx < BACKWARD_M_S
         robot.advance_to(min(due, move_base.next_due(before)))
         self._note_collisions(backward=backward)
+        self._take_map()
         move_base.tick(robot.time)
         goals.advance_tasks(move_base)
         if self.timings is not None:
@@ -301,6 +319,21 @@ class Run:
             record_tick(self.recorder, robot, move_base, self.goal_index, names)
         goals.end_expired_motion(move_base)
         return True
+
+    def _take_map(self) -> None:
+        """Gives the costmaps the map that the localization makes, where it has grown."""
+        localizer = self.robot.estimation.localizer
+        if localizer is None or self.robot.time < self._map_due:
+            return
+        self._map_due = self.robot.time + _MAP_S
+        grown = localizer.grown_map(self.robot.footprint.inscribed_radius)
+        if grown is None:
+            return
+        self.known_map = grown
+        for costmap in (self.move_base.global_costmap, self.move_base.local_costmap):
+            if isinstance(costmap, LayeredCostmap) and costmap.set_static_map(grown) and not costmap.rolling_window:
+                # a plan that is made before its next update must not find an empty costmap
+                costmap.update(self.robot.time)
 
     def _note_collisions(self, *, backward: bool) -> None:
         """Notes which of the new collisions are with obstacles that the controller's costmap had.
@@ -495,6 +528,14 @@ class Run:
             self.done = True
             if self.recorder is not None:
                 self.recorder.finish([outcome.as_dict() for outcome in self.outcomes], self.robot.collisions)
+
+
+def _nothing_known(scenario: Scenario) -> OccupancyGrid:
+    """Returns unknown space around the start, for a robot that begins to map."""
+    resolution = scenario.map.geometry.resolution
+    cells = max(1, math.ceil(_UNKNOWN_M / resolution))
+    low = (scenario.start.x - 0.5 * cells * resolution, scenario.start.y - 0.5 * cells * resolution)
+    return OccupancyGrid(np.full((cells, cells), -1, np.int8), GridGeometry(cells, cells, resolution, *low))
 
 
 def warm_up(scenario: Scenario) -> None:

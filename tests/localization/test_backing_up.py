@@ -12,9 +12,10 @@ from scipy.ndimage import distance_transform_edt
 from navstack.core import OccupancyGrid, Pose2D, Transform2D
 from navstack.localization import LoggedScan
 from navstack.localization.evaluation import follow
-from navstack.localization.methods import Method
+from navstack.localization.methods import UNSEARCHED, Method, methods
 from navstack.localization.scan_matcher import ScanMatcher
 from navstack.localization.searching import LostDetector, SearchingLocalizer
+from navstack.parameters import ScanMatcherParams
 from tests.localization.rooms import free_pose, rooms, scan_from
 
 SENSOR = Transform2D(0.1, 0.0, 0.0)
@@ -22,7 +23,7 @@ SPEED, STEP_S = 0.12, 0.2
 """m per scan, s."""
 
 
-def backing_log(grid: OccupancyGrid, seed: int, scans: int) -> list[LoggedScan]:
+def backing_log(grid: OccupancyGrid, seed: int, scans: int, *, wrong_share: float = 0.6) -> list[LoggedScan]:
     """A drive with many short ways backwards, of which the odometry reports 3 in 5 as ways forward."""
     rng = np.random.default_rng(seed)
     room = np.asarray(distance_transform_edt(grid.data != 100)) * grid.geometry.resolution
@@ -35,7 +36,7 @@ def backing_log(grid: OccupancyGrid, seed: int, scans: int) -> list[LoggedScan]:
         scan = dataclasses.replace(scan, ranges=ranges, stamp=STEP_S * k)
         found.append(LoggedScan(k, scan, SENSOR, odometry, Pose2D(*at)))
         if backwards == 0 and rng.random() < 0.04:
-            backwards, wrong = int(rng.integers(5, 15)), rng.random() < 0.6
+            backwards, wrong = int(rng.integers(5, 15)), rng.random() < wrong_share
         v, w = (-SPEED if backwards else SPEED), float(rng.normal(0.0, 0.05))
         after = at @ Transform2D(v, 0.0, w)
         cell = grid.geometry.world_to_cell(after.x, after.y)
@@ -68,10 +69,41 @@ def test_a_lost_robot_finds_itself_by_default(seed: int) -> None:
         assert float(np.sqrt(np.square(found).mean())) < 1.0, method.label
 
 
-def test_the_default_method_is_supervised() -> None:
-    assert isinstance(Method().build(0)[0], SearchingLocalizer)
-    alone, _ = Method(values={"search": False, "match_beams": 30}).build(0)
-    assert isinstance(alone, ScanMatcher) and alone.params.match_beams == 30
+@pytest.mark.parametrize("name", methods())
+def test_every_method_recovers_or_says_that_it_is_lost(name: str) -> None:
+    """Given a wrong pose, no method stays sure of it; those that search find the right one."""
+    grid = rooms()
+    log = backing_log(grid, 0, 60, wrong_share=0.0)
+    localizer, _ = Method(name).build(0)
+    assert isinstance(localizer, SearchingLocalizer)
+    localizer.set_map(grid)
+    wrong = free_pose(grid, np.random.default_rng(9), margin=0.8)
+    track = follow(iter(log), localizer, initial_pose=Pose2D(*wrong))
+    assert track.errors[0] > 1.0
+    assert not (~track.lost & (track.errors > 0.5))[15:].any()
+    if name not in UNSEARCHED:
+        assert not track.lost[-1]
+        assert track.errors[-1] < 0.3
+
+
+def test_watching_changes_no_estimate() -> None:
+    grid = rooms()
+    log = backing_log(grid, 0, 60)
+    watched, _ = Method("scan_matching", {"search": False, "match_beams": 30}).build(0)
+    alone = ScanMatcher(ScanMatcherParams(match_beams=30))
+    for localizer in (watched, alone):
+        localizer.set_map(grid)
+    one, other = follow(iter(log), watched), follow(iter(log), alone)
+    assert np.array_equal(one.poses, other.poses)
+
+
+def test_a_start_without_a_pose_is_lost_until_the_particles_agree() -> None:
+    grid = rooms()
+    localizer, _ = Method("amcl_only", {"max_particles": 500}).build(0)
+    localizer.set_map(grid)
+    track = follow(iter(backing_log(grid, 0, 3)), localizer, globally=True)
+    assert track.lost.all()
+    assert localizer.status is not None and "does not know yet where it started" in localizer.status.text
 
 
 def test_a_pose_beyond_the_map_explains_nothing() -> None:

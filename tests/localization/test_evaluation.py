@@ -12,8 +12,9 @@ from PIL import Image
 
 from navstack.cli.app import run
 from navstack.core import InputError, LogError, Pose2D, Transform2D
-from navstack.localization.evaluation import SURE_M, follow, is_sure
+from navstack.localization.evaluation import follow
 from navstack.localization.methods import Method, methods
+from navstack.localization.searching import SURE_M, is_sure
 from navstack.logs import logged_scans, open_scan_log
 from navstack.map_io import load_map
 from navstack.plugins import PoseEstimate
@@ -86,11 +87,11 @@ def test_inputs_of_the_commands(log_file: Path, tmp_path: Path, capsys: pytest.C
 def test_methods_by_name() -> None:
     method = Method.parse(["method=amcl", "max_particles=300", "lost_evidence=3.0"], "--set")
     assert method.label == "amcl max_particles=300 lost_evidence=3.0"
-    assert methods() == ["amcl", "amcl_only", "dead_reckoning", "scan_matching"]
+    assert methods() == ["amcl", "amcl_only", "dead_reckoning", "mapping", "scan_matching"]
     for name in methods():
         Method(name).build(1)
     with pytest.raises(InputError, match="has no parameter"):
-        Method("amcl_only", {"lost_evidence": 3.0}).build(0)
+        Method("amcl_only", {"match_beam": 3}).build(0)
     with pytest.raises(InputError, match="max_particles"):
         Method("amcl", {"max_particles": "many"}).build(0)
 

@@ -556,10 +556,11 @@ class SimParams(BodyParams):
     odometry: Literal["wheels", "ekf"] = param(
         "wheels", "wheels: the wheels alone; ekf: wheels and the first IMU through the filter of the section `ekf`"
     )
-    localization: Literal["truth", "odometry", "amcl", "scan_matching"] = param(
+    localization: Literal["truth", "odometry", "amcl", "scan_matching", "mapping"] = param(
         "truth",
         "truth: map -> odom corrects the drift of the odometry, as fake_localization does, with the errors below; odometry: "
-        "map -> odom is constant; amcl: the particle filter of the section `amcl`; scan_matching: scans matched with the map",
+        "map -> odom is constant; amcl: the particle filter of the section `amcl`; scan_matching: scans matched with the map; "
+        "mapping: on the map that the robot makes itself while it drives, which is the static map of its costmaps (SLAM)",
     )
     initial_pose: Literal["given", "unknown"] = param(
         "given", "given: the localizer starts at the start pose; unknown: it must find out (amcl, scan_matching)"
