@@ -179,15 +179,16 @@ class Run:
         timings: bool | Timings = False,
         listeners: Sequence[Listener] = (),
         robot: SimulatedRobot | None = None,
+        items: Sequence[Pose2D | Step | Behavior] | None = None,
     ) -> None:
         """`record=False` keeps only what the metrics need, `scans=False` all but the scans. `spool`: folder in which the
         record grows instead of in memory. `timings` measures the time of
         both planners, into the given `Timings` or by the wall clock. With `measure=False` there are no metrics either, and the
         memory does not grow with the run. `robot`: the scenario's robot, if it exists already and others advance it; then call
-        `begin_cycle` and `end_cycle` instead of `step`.
+        `begin_cycle` and `end_cycle` instead of `step`. `items` are driven instead of those of the scenario.
         """
         configuration = scenario.configuration
-        items = scenario.items
+        items = scenario.items if items is None else items
         scenario.success.check_goals(len(items))
         self.scenario = scenario
         self.robot = robot or simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
@@ -362,14 +363,27 @@ class Run:
         self._goes_on_until = max(self._goes_on_until, effect_ends(item))
         self.goals.finish_ended()
 
-    def stop(self) -> None:
-        """Ends the run: cancels the current goal, stops the robot and finishes the record."""
+    def add_goal(self, goal: Pose2D | Step | Behavior) -> None:
+        """Appends a goal; a run that is done goes on. Raises the error of a step that this robot cannot do."""
+        self.goals.check(goal)
+        self.goals.finish_ended()
+        if self.done and self.recorder is not None:
+            self._measure_for(self.recorder)
+        self.goals.waiting.append(goal)
+        self.done = False
+
+    def abandon(self) -> None:
+        """Cancels what is under way and drops the waiting goals: the run is done as soon as that has ended."""
         self._upcoming.clear()
         self._goes_on_until = -math.inf
         self.goals.skip_waiting()
-        under_way = self.goals.under_way
-        for sent in under_way:
+        for sent in self.goals.under_way:
             sent.cancel(self.move_base)
+
+    def stop(self) -> None:
+        """Ends the run: cancels the current goal, stops the robot and finishes the record."""
+        under_way = self.goals.under_way
+        self.abandon()
         while not all(sent.handle.is_done for sent in under_way):
             self.step()
         self.goals.finish_ended()

@@ -181,15 +181,15 @@ class Lockstep:
         return placed
 
     def _others_of(self, number: int, still: Solids) -> _Others:
-        first, lengths = self._outlines.first, np.diff(self._outlines.first)
-        others = np.array([j for j in range(len(self.robots)) if j != number], np.int64)
-        corners = np.concatenate([np.empty(0, np.int64), *(np.arange(first[j], first[j + 1]) for j in others)])
+        lengths = np.diff(self._outlines.first)
+        others = [j for j in range(len(self.robots)) if j != number]
+        owners = np.repeat(np.arange(len(self.robots)), lengths)
         tops = [
             math.inf if self.robots[j].params.body_height is None else self.robots[j].params.body_height for j in others
         ]
         return _Others(
-            corners,
-            others,
+            np.nonzero(owners != number)[0],
+            np.array(others, np.int64),
             np.concatenate((still.first, still.first[-1] + np.cumsum(lengths[others]))),
             np.concatenate((still.tops, np.array(tops, np.float64))),
         )

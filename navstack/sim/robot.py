@@ -521,7 +521,17 @@ class SimulatedRobot:
         self._collided = False
         if not inform_localization and self.estimation.localizer is not None:
             return
-        self._localization.correct(truth, self._odometry_pose)
+        self._localization.error = Transform2D()
+        self._believe(truth)
+
+    def mislocalize(self, offset: Transform2D) -> None:
+        """Lets the localization be off by `offset` (m, rad, in the robot's frame) from the true pose, from now on."""
+        self._localization.error = offset
+        self._believe(Transform2D(*self.pose) @ offset)
+
+    def _believe(self, truth: Transform2D) -> None:
+        """Sets the localization to a pose in the map."""
+        self._localization.correct(Transform2D(*self.pose), self._odometry_pose)
         self.estimation.set_pose(truth, self._odometry_pose)
         localizes = self.estimation.localizer is not None
         current = self.estimation.correction if localizes else self._localization.current

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -97,7 +97,13 @@ def drive(
                     robot.alive = False
         reports = [
             RobotReport(
-                r.name, Pose2D(*map(float, r.xy), 0.0), case.radius, r.goals[0] if r.goals else None, r.priority, r.alive, now
+                r.name,
+                Pose2D(*map(float, r.xy), 0.0),
+                case.radius,
+                r.goals[0] if r.goals else None,
+                r.priority,
+                r.alive,
+                now,
             )
             for r in robots
         ]
@@ -163,7 +169,10 @@ def _contacts(robots: list[Disc], radius: float) -> set[tuple[str, str]]:
 def grid(nx: int, ny: int, spacing: float = 2.0, gone: set[int] | None = None) -> RouteGraph:
     """A grid of nodes with edges in both directions, without the nodes `gone`."""
     nodes = {
-        iy * nx + ix: (ix * spacing, iy * spacing) for iy in range(ny) for ix in range(nx) if iy * nx + ix not in (gone or set())
+        iy * nx + ix: (ix * spacing, iy * spacing)
+        for iy in range(ny)
+        for ix in range(nx)
+        if iy * nx + ix not in (gone or set())
     }
     edges = [(a, b) for a in nodes for b in (a + 1, a + nx) if b in nodes and (b != a + 1 or b % nx)]
     return build_graph(nodes, edges, both_ways=True)
@@ -281,4 +290,11 @@ def _connected(nx: int, ny: int, gone: set[int]) -> bool:
     return len(seen) == len(nodes)
 
 
-CASES = {"corridor": corridor, "crossing": crossing, "door": door, "ring": ring, "warehouse": warehouse, "random": random_graph}
+CASES = {
+    "corridor": corridor,
+    "crossing": crossing,
+    "door": door,
+    "ring": ring,
+    "warehouse": warehouse,
+    "random": random_graph,
+}
