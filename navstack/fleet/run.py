@@ -11,7 +11,18 @@ from pathlib import Path
 from typing import Any, Final
 
 from navstack.bringup import simulated_robot, true_footprint
-from navstack.core import Event, InputError, Listener, NavError, Pose2D, RecordError, Transform2D, working_time
+from navstack.core import (
+    Event,
+    InputError,
+    Listener,
+    NavError,
+    Pose2D,
+    RecordError,
+    Transform2D,
+    Twist2D,
+    ensure_directory,
+    working_time,
+)
 from navstack.fleet.drive import GuidedDrive
 from navstack.fleet.fleet import Dies, Fleet, FleetRobot, LosesLocalization, Pushed, Silent
 from navstack.fleet.traffic import (
@@ -30,6 +41,8 @@ from navstack.sim import Lockstep, Nearest, SimulatedRobot
 
 TRAFFIC_PERIOD_S: Final = 0.2
 """Time between two exchanges of the robots with the traffic control (s)."""
+WARM_UP_S: Final = 2.5
+"""Simulated seconds of a warm-up."""
 STANDING: Final = 0.01
 """Below this velocity a robot stands (m/s, rad/s)."""
 CUSTOM_RULE: Final = "given in Python"
@@ -291,7 +304,7 @@ class FleetRun:
                     robots[member.name],
                     record=record,
                     scans=scans,
-                    spool=None if spool is None else spool / member.name,
+                    spool=None if spool is None else ensure_directory(spool / member.name),
                     measure=measure,
                     listeners=listeners,
                     items=self._items(member, guided=guided) if member.route else None,
@@ -394,23 +407,20 @@ class FleetRun:
     def stop(self) -> None:
         """End the run: cancel all goals and finish the records."""
         self._faults.clear()
+        self._routed.clear()
+        self.lockstep.catch_up()
         for member in self._members:
-            self._abandon(member)
-        self._finish()
+            member.abandon()
+            if self._begun:
+                self._schedule(member)
+        while self.step():
+            pass
 
     def _finish(self) -> None:
         self.lockstep.catch_up()
         for member in self._members:
             self._end_wait(member)
         self.done = True
-
-    def _abandon(self, member: MemberRun) -> None:
-        """Cancel what a robot does; the time stands still meanwhile."""
-        self.lockstep.catch_up(self._members.index(member))
-        member.abandon()
-        while member.due < _NEVER:
-            member.cycle()
-            self._schedule(member)
 
     # --- faults -------------------------------------------------------------------------------------------------------
 
@@ -424,9 +434,9 @@ class FleetRun:
             case Dies():
                 member.tell(f"{member.name} dies")
                 member.fault = f"died at {fault.time:g} s"
-                self._abandon(member)
+                member.abandon()
                 member.dead = True
-                robot.command(robot.state().velocity._replace(vx=0.0, vy=0.0, wz=0.0))
+                robot.drive_by_hand(Twist2D())  # before the cancel takes effect
             case LosesLocalization():
                 robot.mislocalize(Transform2D(*fault.offset))
                 member.tell(f"{member.name} loses its localization")
@@ -437,7 +447,7 @@ class FleetRun:
                 member.tell(f"{member.name} is silent until {fault.until:g} s")
             case _:
                 raise InputError(f"{fault!r} is no fault")
-        if not member.dead and member.due < _NEVER:
+        if member.due < _NEVER:
             self._schedule(member)
 
     # --- traffic ------------------------------------------------------------------------------------------------------
@@ -597,6 +607,14 @@ def run_fleet(
         if progress is not None:
             progress(run.time, sum(member.due == _NEVER for member in run.runs.values()))
     return run.result(working_time() - began)
+
+
+def warm_up_fleet(fleet: Fleet) -> None:
+    """Compile and load the kernels by driving the beginning of a run, and discarding it. Raises the errors of `run_fleet`."""
+    run = FleetRun(fleet)
+    while run.time < WARM_UP_S and run.step():
+        pass
+    run.result(0.0)
 
 
 def replay_member(record: Record) -> MemberRun:
