@@ -31,10 +31,10 @@ class Nearest(NamedTuple):
 
 
 class _Others(NamedTuple):
-    """What makes up the obstacles of one robot: the solids of the world, then the other robots."""
+    """The part of `Lockstep._all_at` that contains the obstacles of one robot."""
 
-    corners: NDArray[np.int64]
-    circles: NDArray[np.int64]
+    corners: slice
+    circles: slice
     first: NDArray[np.int64]
     tops: NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Lockstep:
         self._others = [self._others_of(i, still) for i in range(n)]
         self._starts: NDArray[np.float64] = np.array([robot.pose for robot in self.robots], np.float64)
         self._fixed_yaws: NDArray[np.float64] = np.array([robot.fixed_yaw for robot in self.robots])
-        self._placed: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._placed: dict[int, tuple[Solids, NDArray[np.float64], NDArray[np.float64]]] = {}
         self._states = np.zeros(n, STATE)
         joined = [
             robot.join(self, self._states[i : i + 1], self.solids_of(i, 0)) for i, robot in enumerate(self.robots)
@@ -169,45 +169,52 @@ class Lockstep:
 
     def _bodies_at(self, step: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Returns the corners (m, 2) and bounding circles (n, 3) of all robots after a physics step."""
-        placed = self._placed.get(step)
-        if placed is None:
-            poses = self.poses_at(step).copy()
-            fixed = ~np.isnan(self._fixed_yaws)
-            poses[fixed, 2] = self._fixed_yaws[fixed]
-            if len(self._placed) > _HISTORY:
-                self._placed.clear()
-            o = self._outlines
-            placed = self._placed[step] = place_polygons(o.corners, o.first, o.centers, poses)
-        return placed
+        poses = self.poses_at(step).copy()
+        fixed = ~np.isnan(self._fixed_yaws)
+        poses[fixed, 2] = self._fixed_yaws[fixed]
+        return place_polygons(*self._outlines, poses)
 
     def _others_of(self, number: int, still: Solids) -> _Others:
-        lengths = np.diff(self._outlines.first)
-        others = [j for j in range(len(self.robots)) if j != number]
-        owners = np.repeat(np.arange(len(self.robots)), lengths)
-        tops = [
-            math.inf if self.robots[j].params.body_height is None else self.robots[j].params.body_height for j in others
-        ]
+        """Return where the obstacles of a robot are among the arrays of `_all_at`."""
+        count = len(self.robots)
+        sizes, tops = np.diff(self._outlines.first), [robot.params.body_height for robot in self.robots]
+        heights = np.array([math.inf if top is None else top for top in tops], np.float64)
+        lengths = np.concatenate((sizes, np.diff(still.first), sizes))
+        chosen = slice(number + 1, count + len(still.circles) + number)
+        begin = int(lengths[: chosen.start].sum())
+        first = np.concatenate((np.zeros(1, np.int64), np.cumsum(lengths[chosen], dtype=np.int64)))
         return _Others(
-            np.nonzero(owners != number)[0],
-            np.array(others, np.int64),
-            np.concatenate((still.first, still.first[-1] + np.cumsum(lengths[others]))),
-            np.concatenate((still.tops, np.array(tops, np.float64))),
+            slice(begin, begin + int(first[-1])),
+            chosen,
+            first,
+            np.concatenate((still.disc_tops, np.concatenate((heights, still.polygon_tops, heights))[chosen])),
         )
 
+    def _all_at(self, step: int) -> tuple[Solids, NDArray[np.float64], NDArray[np.float64]]:
+        """Return the solids of the world after a physics step; corners and circles of all robots, the world, and all robots.
+
+        The obstacles of each robot are a part of them: the robots after it, the world, the robots before it.
+        """
+        placed = self._placed.get(step)
+        if placed is None:
+            still = self.world.solids_at(step / self._frequency)
+            corners, circles = self._bodies_at(step)
+            if len(self._placed) > _HISTORY:
+                self._placed.clear()
+            placed = self._placed[step] = (
+                still,
+                np.concatenate((corners, still.corners, corners)),
+                np.concatenate((circles, still.circles, circles)),
+            )
+        return placed
+
     def solids_of(self, number: int, step: int) -> Solids:
-        """Returns the obstacles of a robot after a physics step: the solids of the world, then the other robots."""
-        still = self.world.solids_at(step / self._frequency)
+        """Returns the obstacles of a robot after a physics step: the solids of the world, and the other robots."""
         if not self.has_others:
-            return still
-        corners, circles = self._bodies_at(step)
+            return self.world.solids_at(step / self._frequency)
+        still, corners, circles = self._all_at(step)
         others = self._others[number]
-        return Solids(
-            still.discs,
-            np.concatenate((still.circles, circles[others.circles])),
-            np.concatenate((still.corners, corners[others.corners])),
-            others.first,
-            others.tops,
-        )
+        return Solids(still.discs, circles[others.circles], corners[others.corners], others.first, others.tops)
 
     def robot_hit(self, hit: int, step: int) -> tuple[str, int, float, float] | None:
         """Return the name, the number and the position of the robot that a result of the kernel means; None for anything else."""

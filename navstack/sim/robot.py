@@ -357,7 +357,8 @@ class SimulatedRobot:
             if other is not None:
                 self.collisions.append(Collision(time, pose, "robot", other[1], other[2:], other[0]))
                 continue
-            kind, index, x, y = self.world.identify(hit, self._solids)
+            among = self._solids if self._group is None else self.world.solids_at(time)
+            kind, index, x, y = self.world.identify(hit, among)
             name = self.world.name_of(kind, index)
             self.collisions.append(Collision(time, pose, kind, index, (x, y), name))
 
