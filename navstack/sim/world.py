@@ -208,8 +208,11 @@ class World:
         away = np.hypot(x[:, None] - discs[:, 0], y[:, None] - discs[:, 1]) - discs[:, 2]
         found = (away < reach).any(axis=1)
         circles = solids.circles
-        away = np.hypot(x[:, None] - circles[:, 0], y[:, None] - circles[:, 1])
-        for k in np.nonzero((away < circles[:, 2] + reach).any(axis=0))[0].tolist():
+        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+        # from the bounding box of the points to that of the circle
+        aside = np.maximum(circles[:, 0] - x1, x0 - circles[:, 0])
+        above = np.maximum(circles[:, 1] - y1, y0 - circles[:, 1])
+        for k in np.nonzero(np.maximum(aside, above) < circles[:, 2] + reach)[0].tolist():
             polygon = shapely.Polygon(solids.polygon(k))
             found = found | (shapely.distance(shapely.points(points), polygon) < reach)
         resolution, (_, ny, nx) = self.map.geometry.resolution, self.squares.shape
