@@ -27,8 +27,9 @@ import shapely
 from pydantic import ValidationError
 
 from navstack.bringup import true_footprint
-from navstack.core import NavError, is_file, short_repr
+from navstack.core import NavError, short_repr
 from navstack.fleet.fleet import FAULT, FAULT_KINDS, Fleet, FleetRobot, robot_seed
+from navstack.fleet.recognition import shipped_fleets
 from navstack.fleet.traffic import RULES, TrafficParams
 from navstack.parameters import (
     Configuration,
@@ -44,7 +45,6 @@ from navstack.parameters import (
     load_configuration,
     nearest,
     plain,
-    read_yaml,
 )
 from navstack.plugins import ParamModel, param
 from navstack.routes import RouteGraph, load_graph
@@ -147,17 +147,6 @@ class FleetSpec:
                 message = f"{b.name} overlaps {a.name} at the start; move one of them"
                 found.append(finding("error", "start", b.spec.start_location, "start", message))
         return found
-
-
-def is_fleet_file(path: Path) -> bool:
-    """Return True for a YAML file with the key `robots`. Reads the top level only."""
-    return path.suffix in (".yaml", ".yml") and is_file(path) and "robots" in read_yaml(path).root.items
-
-
-def shipped_fleets() -> dict[str, Path]:
-    """Return the fleet files shipped with navstack, by name."""
-    folder = Path(__file__).parent / "files"
-    return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
 
 
 def read_fleet(path: str | Path, shown: str | None = None) -> FleetSpec:

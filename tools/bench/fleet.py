@@ -37,7 +37,9 @@ def random_fleet(count: int, map_name: str, params: str, seed: int = 1) -> Fleet
             poses.append(pose)
     return make_fleet(
         {
-            f"robot_{i:03d}": Scenario(grid, configuration, poses[i], tuple(poses[count + i :: count]), time_limit_s=600.0)
+            f"robot_{i:03d}": Scenario(
+                grid, configuration, poses[i], tuple(poses[count + i :: count]), time_limit_s=600.0
+            )
             for i in range(count)
         },
         seed=seed,
