@@ -61,7 +61,7 @@ def check(
     diff: Annotated[bool, typer.Option("--diff", help="Only show what --fix would change, as a unified diff.")] = False,
     json_: options.Json = False,
 ) -> int:
-    """Check parameters, a scenario file or a fleet file, and report every finding with file, line and column.
+    """Check parameters or a scenario file, and report every finding with file, line and column.
 
     Exit codes: 0 no errors, 2 errors; with --fix those that remain.
     """

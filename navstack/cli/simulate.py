@@ -54,9 +54,9 @@ def simulate(
     out: options.RunOutput = Path("navstack_run"),
     json_: options.Json = False,
 ) -> int:
-    """Drive a simulated robot to its goals on a map, or through a scenario file; or a fleet of robots, by a fleet file.
+    """Drive a simulated robot to its goals on a map, or through a scenario file.
 
-    Without arguments, a turtlebot drives through a packaged office. Options override the settings of a scenario file, and those
+    Without arguments, a turtlebot drives through a packaged office. A fleet file drives many robots in one world. Options override the settings of a scenario file, and those
     of all robots of a fleet.
 
     Exit codes: 0 the run met its success conditions (by default: every goal SUCCEEDED, no collision), 1 it did not,

@@ -248,6 +248,11 @@ class MemberRun(Run):
             listener.on_event(Event(self.robot.time, "info", text, {}))
 
     @property
+    def is_idle(self) -> bool:
+        """True while it has nothing to do."""
+        return self.due == _NEVER
+
+    @property
     def guided(self) -> GuidedDrive | None:
         """The drive to a node of the route graph that is under way."""
         running = self.move_base.motions.running
@@ -384,8 +389,20 @@ class FleetRun:
             self._exchange()
             self._exchanges += 1
             for member in self._members:
-                if member.due == _NEVER:
+                if member.is_idle:
                     member.robot.scans()
+
+    def catch_up(self, member: MemberRun) -> None:
+        """Let a robot take over what its body has done, before something is done to it."""
+        self.lockstep.catch_up(self._members.index(member))
+        if member.is_idle:
+            member.robot.scans()  # nobody fetches them
+
+    def reschedule(self, member: MemberRun) -> None:
+        """Determine the next cycle of a robot anew, after something was done to it."""
+        if self._begun:
+            self._schedule(member)
+            self.done = False
 
     def send(self, name: str, goal: Pose2D | int) -> None:
         """Append a goal of a robot: a pose in the map, or a node of the route graph. It may be done already.
@@ -397,12 +414,11 @@ class FleetRun:
             raise InputError(f"{name} has died; send the goal to another robot", robot=name)
         item: Pose2D | GuidedDrive = goal if isinstance(goal, Pose2D) else self._drive_to(goal)
         number = self._members.index(member)
-        self.lockstep.catch_up(number)
+        self.catch_up(member)
         if isinstance(item, GuidedDrive) and number not in self._routed:
             insort(self._routed, number)
         member.add_goal(item)
-        if self._begun:
-            self._schedule(member)
+        self.reschedule(member)
 
     def stop(self) -> None:
         """End the run: cancel all goals and finish the records."""

@@ -216,6 +216,17 @@ class Lockstep:
         others = self._others[number]
         return Solids(still.discs, circles[others.circles], corners[others.corners], others.first, others.tops)
 
+    def polygon_name(self, robot: SimulatedRobot, k: int) -> str:
+        """Return the name of polygon `k` of what a robot has around it: of a shape, or of another robot."""
+        number, count = self.robots.index(robot), len(self.robots)
+        place = number + 1 + k
+        if place < count:
+            return self.names[place]
+        still = self._known - len(self.world.solids_at(0.0).discs)
+        return (
+            self.world.name_of("polygon", place - count) if place - count < still else self.names[place - count - still]
+        )
+
     def robot_hit(self, hit: int, step: int) -> tuple[str, int, float, float] | None:
         """Return the name, the number and the position of the robot that a result of the kernel means; None for anything else."""
         number = -2 - hit - self._known

@@ -144,6 +144,10 @@ class Group(Protocol):
         """True with more than one robot."""
         ...
 
+    def polygon_name(self, robot: SimulatedRobot, k: int) -> str:
+        """Return the name of polygon `k` of what a robot has around it."""
+        ...
+
     def robot_hit(self, hit: int, step: int) -> tuple[str, int, float, float] | None:
         """Return the name, the number and the position of the robot that a result of `find_collision` means; None: no robot."""
         ...
@@ -321,6 +325,10 @@ class SimulatedRobot:
         self._sensors.replace_solids(solids)
         self._body["moving_obstacles"] = self.moves
         return self._body, self._noise
+
+    def polygon_name(self, k: int) -> str:
+        """Returns the name of polygon `k` of `solids`: that of a shape, or of another robot."""
+        return self.world.name_of("polygon", k) if self._group is None else self._group.polygon_name(self, k)
 
     @property
     def moves(self) -> bool:
