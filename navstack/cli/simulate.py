@@ -56,8 +56,8 @@ def simulate(
 ) -> int:
     """Drive a simulated robot to its goals on a map, or through a scenario file.
 
-    Without arguments, a turtlebot drives through a packaged office. A fleet file drives many robots in one world. Options override the settings of a scenario file, and those
-    of all robots of a fleet.
+    Without arguments, a turtlebot drives through a packaged office. A fleet file drives many robots in one world. Options
+    override the settings of a scenario file, and those of all robots of a fleet.
 
     Exit codes: 0 the run met its success conditions (by default: every goal SUCCEEDED, no collision), 1 it did not,
     2 invalid input, 130 interrupted (143 by SIGTERM, 129 by SIGHUP): the record ends there.
