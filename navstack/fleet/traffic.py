@@ -14,6 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -171,6 +172,8 @@ class _Robot:
     """Name of the robot that it makes way for."""
     way_back: frozenset[int] = frozenset()
     """Nodes that robot has to have passed before this one returns."""
+    avoided: set[str] = field(default_factory=set[str])
+    """Robots for which it has taken another route to its goal: not twice, or it goes to and fro between two of them."""
     silent: bool = False
     stranded: bool = False
     """True: robots that stand for good bar every way to its goal."""
@@ -229,7 +232,7 @@ class _GraphTraffic(TrafficRule):
                 self._tell(now, "silent", (robot.name,), f"{robot.name} has not reported for {self.params.silence:g} s")
             robot.silent = silent
             self._advance(robot)
-        self._decide(now, sorted(robots, key=lambda robot: (-self._rank(robot, now), robot.name)))
+        self._decide(now, sorted(robots, key=lambda robot: self._rank(robot, now)))
         return {robot.name: self._grant(robot, now) for robot in robots}
 
     @abstractmethod
@@ -255,10 +258,20 @@ class _GraphTraffic(TrafficRule):
     def _tell(self, now: float, kind: str, robots: Iterable[str], text: str) -> None:
         self.events.append(TrafficEvent(now, kind, tuple(robots), text))
 
-    def _rank(self, robot: _Robot, now: float) -> float:
-        """Return the priority with the time on the way; idle robots come last."""
-        age = (now - robot.since) / self.params.aging
-        return robot.report.priority + age if robot.goal is not None else -1e9 + robot.report.priority
+    def _rank(self, robot: _Robot, now: float) -> tuple[float, str, int]:
+        """Return what sorts the robots, highest rank first: priority and time on the way, then the name; idle robots come last.
+
+        Who makes way for another robot inherits its rank.
+        """
+        ranks: list[tuple[float, str, int]] = []
+        seen = set[str]()
+        each: _Robot | None = robot
+        while each is not None and each.name not in seen:
+            age = (now - each.since) / self.params.aging if each.goal is not None else -1e9
+            ranks.append((-each.report.priority - age, each.name, len(seen)))
+            seen.add(each.name)
+            each = self._robots.get(each.aside)
+        return min(ranks)
 
     # --- where the robots are -----------------------------------------------------------------------------------------
 
@@ -272,6 +285,7 @@ class _GraphTraffic(TrafficRule):
             robot = self._robots[report.name] = _Robot(report, [int(away.argmin())], now)
         if goal != robot.goal:
             robot.since, robot.goal = now, goal
+            robot.avoided.clear()
         if not report.active and robot.report.active:
             self._tell(now, "stuck", (report.name,), f"{report.name} cannot drive")
         robot.report = report
@@ -285,7 +299,7 @@ class _GraphTraffic(TrafficRule):
             robot.clear, robot.shapes, robot.edges, robot.left_m = len(route) - 1, [shapely.Point(x, y)], [-1], 0.0
             robot.box = (x, y, x, y)
             return
-        spots = [self._nearest(x, y, *xy[a], *xy[b]) for a, b in zip(route[: robot.clear], route[1 : robot.clear + 1])]
+        spots = [self._nearest(x, y, *xy[a], *xy[b]) for a, b in pairwise(route[: robot.clear + 1])]
         at = 0
         if spots:
             least = min(away for away, _, _ in spots) + _EPSILON + 0.5 * self.params.margin
@@ -307,7 +321,7 @@ class _GraphTraffic(TrafficRule):
         robot.left_m = math.hypot(x - place[0], y - place[1])
         if robot.clear > 0:
             robot.left_m += math.hypot(*(xy[route[1]] - place))
-        for a, b in zip(route[1 : robot.clear], route[2 : robot.clear + 1]):
+        for a, b in pairwise(route[1 : robot.clear + 1]):
             self._hold(robot, a, b)
         robot.box = tuple(shapely.total_bounds(robot.shapes).tolist())
 
@@ -332,6 +346,10 @@ class _GraphTraffic(TrafficRule):
         """Grant the next node of the route."""
         self._hold(robot, robot.end, robot.route[robot.clear + 1])
         robot.clear += 1
+
+    def _turns_back(self, robot: _Robot) -> bool:
+        """Return whether it holds the next node already: its place would have two meanings, so it drives to the end first."""
+        return robot.route[robot.clear + 1] in robot.route[: robot.clear]
 
     # --- who is in the way --------------------------------------------------------------------------------------------
 
@@ -478,9 +496,8 @@ class Reservation(_GraphTraffic):
             if robot.clear < len(robot.route) - 1:
                 return
             other = self._robots.get(robot.aside)
-            if robot.goal is None or other is None or other.lost or other.goal is None or other.aside == robot.name:
-                robot.aside = ""
-            elif robot.way_back.isdisjoint(other.route):
+            done = other is None or other.lost or (other.goal is None and other.clear == len(other.route) - 1)
+            if other is None or done or other.aside == robot.name or robot.way_back.isdisjoint(other.route):
                 robot.aside = ""
             else:
                 robot.text, robot.blockers, robot.hard = "makes way for", {other.name: ""}, (other.name,)
@@ -518,7 +535,7 @@ class Reservation(_GraphTraffic):
     def _reserve(self, robot: _Robot) -> None:
         """Grant what is free of the next `ahead` meters."""
         while robot.clear < len(robot.route) - 1 and not robot.lost and not robot.text:
-            if robot.left_m >= self.params.ahead and not robot.aside:
+            if (robot.left_m >= self.params.ahead and not robot.aside) or self._turns_back(robot):
                 break
             blockers, hard = self._conflicts(robot, self._edge[robot.end, robot.route[robot.clear + 1]])
             if blockers:
@@ -563,19 +580,25 @@ class Reservation(_GraphTraffic):
                 for a, b in zip(cycle, [*cycle[1:], cycle[0]])
             )
             self._tell(now, "deadlock", names, waits)
-        for robot in sorted(cycle, key=lambda robot: (self._rank(robot, now), robot.name)):
-            asking = cycle[cycle.index(robot) - 1]
-            if robot.lost:
+        order = sorted(cycle, key=lambda robot: self._rank(robot, now))
+        first, in_way = order[0], cycle[(cycle.index(order[0]) + 1) % len(cycle)]
+        # who is in the way of the highest rank, else from the lowest one up: so the highest one gets on each time
+        asked = [(in_way, first), *((robot, cycle[cycle.index(robot) - 1]) for robot in reversed(order))]
+        for robot, asking in asked:
+            if robot.lost or (asking.goal is None and asking.clear == len(asking.route) - 1):
                 continue
             others = [other for other in self._robots.values() if other is not robot and (other in cycle or other.lost)]
-            if self._other_route(robot, others):
+            if asking.name not in robot.avoided and self._other_route(robot, others):
+                robot.avoided.add(asking.name)
                 text = f"{robot.name} takes another route: nodes {', '.join(str(self._id(n)) for n in robot.route[:8])}"
-            elif self._make_way(robot, asking, frozenset(names), now):
+            elif self._make_way(robot, asking, {asking.name}, now):
                 text = f"{robot.name} makes way for {asking.name} at node {self._id(robot.route[-1])}"
             else:
                 continue
             self._said.discard(key)
             self._tell(now, "dissolved", names, text)
+            return True
+        if any(robot.goal is None and self._escape(robot, first) for robot in cycle if robot is not first):
             return True
         if key not in self._said:
             self._said.add(key)
@@ -596,7 +619,7 @@ class Reservation(_GraphTraffic):
         return True
 
     def _length(self, nodes: Sequence[int]) -> float:
-        return float(sum(self._graph.lengths[self._edge[a, b]] for a, b in zip(nodes, nodes[1:])))
+        return float(sum(self._graph.lengths[self._edge[a, b]] for a, b in pairwise(nodes)))
 
     def _send(self, robot: _Robot, nodes: Sequence[int], aside: str = "", way_back: Iterable[int] = ()) -> None:
         """Replace the horizon of a robot and grant what is free of it."""
@@ -606,13 +629,16 @@ class Reservation(_GraphTraffic):
         robot.text, robot.blockers, robot.hard, robot.stranded = "", {}, (), False
         self._reserve(robot)
 
-    def _make_way(self, robot: _Robot, asking: _Robot, barred: frozenset[str], now: float) -> bool:
+    def _make_way(self, robot: _Robot, asking: _Robot, barred: set[str], now: float) -> bool:
         """Send a robot to the nearest node off the way of the one that asks; False if it cannot get anywhere.
 
-        `barred` are the robots that cannot be sent away for it.
+        `barred` are the robots that cannot be sent away for it; those that were asked are added.
         """
         if robot.lost:
             return False
+        if asking.goal is not None and asking.aside and asking.clear == len(asking.route) - 1:
+            asking.aside = ""
+            self._plan(asking, now)  # the way that it needs, not where it made way
         ahead = asking.route[asking.clear :]
         way = shapely.LineString(self._xy[ahead]) if len(ahead) > 1 else self._points[ahead[0]]
         gap = self._gap(robot, asking) - _EPSILON
@@ -620,7 +646,7 @@ class Reservation(_GraphTraffic):
         came_from: dict[int, int] = {robot.end: -1}
         queue = [robot.end]
         for node in queue:
-            if free[node]:
+            if free[node] and node != robot.end:
                 nodes = [node]
                 while came_from[nodes[-1]] >= 0:
                     nodes.append(came_from[nodes[-1]])
@@ -632,9 +658,31 @@ class Reservation(_GraphTraffic):
                 if after not in came_from and not self._conflicts(robot, edge)[0]:
                     came_from[after] = node
                     queue.append(after)
-        return self._push_on(robot, asking, barred | {robot.name, asking.name}, free, now)
+        barred |= {robot.name, asking.name}
+        return self._push_on(robot, asking, barred, free, now)
 
-    def _push_on(self, robot: _Robot, asking: _Robot, barred: frozenset[str], free: Any, now: float) -> bool:
+    def _leave(self, robot: _Robot, asking: _Robot, now: float) -> bool:
+        return self._make_way(robot, asking, {asking.name}, now) or self._escape(robot, asking)
+
+    def _escape(self, robot: _Robot, asking: _Robot) -> bool:
+        """Let an idle robot want a node beyond the one that asks, which so has to make way first; False if it does already."""
+        if robot.clear < len(robot.route) - 1:
+            return False
+        graph, queue = self._graph, [[robot.end]]
+        seen = {robot.end}
+        on_way = set(asking.route[asking.clear :])
+        for nodes in queue:
+            if nodes[-1] not in on_way:
+                self._send(robot, nodes, asking.name, nodes[:-1])
+                return True
+            for edge in range(int(graph.first[nodes[-1]]), int(graph.first[nodes[-1] + 1])):
+                after = int(graph.ends[edge])
+                if after not in seen and not set(self._conflicts(robot, edge)[0]) - {asking.name}:
+                    seen.add(after)
+                    queue.append([*nodes, after])
+        return False
+
+    def _push_on(self, robot: _Robot, asking: _Robot, barred: set[str], free: Any, now: float) -> bool:
         """Send a robot one node on by sending those away that stand there, or to any node that is free."""
         graph, here = self._graph, robot.end
         edges = range(int(graph.first[here]), int(graph.first[here + 1]))
@@ -668,18 +716,19 @@ class Reservation(_GraphTraffic):
                     self._tell(now, "rerouted", (robot.name, name), f"{robot.name} takes a route around {name}")
                 elif not robot.aside:
                     robot.stranded = True
-            elif other.clear == len(other.route) - 1 and (other.stranded or (other.goal is None and not other.aside)):
-                if self._make_way(other, robot, frozenset((robot.name,)), now):
-                    text = f"{name} makes way for {robot.name} at node {self._id(other.route[-1])}"
-                    self._tell(now, "makes_way", (name, robot.name), text)
+                continue
+            idle = other.stranded or (other.goal is None and not other.aside)
+            if idle and other.clear == len(other.route) - 1 and self._leave(other, robot, now):
+                text = f"{name} makes way for {robot.name} at node {self._id(other.route[-1])}"
+                self._tell(now, "makes_way", (name, robot.name), text)
 
 
 class Pibt(_GraphTraffic):
     """Priority inheritance with backtracking (Okumura et al., AIJ 2022; causal as in AAAI 2021), one node at a time.
 
-    Robots choose in the order of their ranks the next node nearest to their goal. Who stands there inherits the rank and chooses
-    first; if it finds no node, the next best one is tried. A robot drives once the node has been left. Every robot reaches its goal
-    if any two neighboring nodes lie on a cycle of the graph in both directions, and nodes are left over.
+    Robots choose in the order of their ranks the next node nearest to their goal. Who stands there inherits the rank and
+    chooses first; if it finds no node, the next best one is tried. A robot drives once the node has been left. Every robot
+    reaches its goal if any two neighboring nodes lie on a cycle of the graph in both directions, and nodes are left over.
     """
 
     name = "pibt"
@@ -729,7 +778,8 @@ class Pibt(_GraphTraffic):
             if all(self._choose(self._robots[name], (*above, robot), decided) for name in hard if name not in decided):
                 if not blockers:
                     robot.route[robot.clear + 1 :] = [int(graph.ends[edge])]
-                    self._extend(robot)
+                    if not self._turns_back(robot):
+                        self._extend(robot)
                     return True
                 return self._wait(robot, blockers, hard)
             decided[robot.name] = -1

@@ -1,15 +1,28 @@
-"""A world of discs on graph edges, to test traffic rules by the thousand: each drives its granted nodes at its own speed."""
+"""Drive suites of fleets by each traffic rule, and print a table.
+
+    python tools/fleet_runs.py --count 100 --rules lanes reservation pibt
+
+The world is one of discs on graph edges, to run rules by the thousand: each disc drives its granted nodes at its own speed.
+"single" is the time that the robots need one after another alone, divided by the time of all together: how many robots' work the
+fleet does. `tests/fleet` uses the same world. `navstack simulate` drives fleets with the whole stack.
+"""
 
 from __future__ import annotations
 
+import argparse
 import math
+import sys
+import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from navstack.core import Pose2D
 from navstack.fleet import Communication, Grant, RobotReport, TrafficControl, TrafficParams, make_rule
-from navstack.routes import RouteGraph, build_graph
+from navstack.routes import RouteGraph, RoutePlanner, build_graph
 
 RADIUS = 0.3
 
@@ -97,13 +110,7 @@ def drive(
                     robot.alive = False
         reports = [
             RobotReport(
-                r.name,
-                Pose2D(*map(float, r.xy), 0.0),
-                case.radius,
-                r.goals[0] if r.goals else None,
-                r.priority,
-                r.alive,
-                now,
+                r.name, Pose2D(*map(float, r.xy), 0.0), case.radius, r.goals[0] if r.goals else None, r.priority, r.alive, now
             )
             for r in robots
         ]
@@ -169,10 +176,7 @@ def _contacts(robots: list[Disc], radius: float) -> set[tuple[str, str]]:
 def grid(nx: int, ny: int, spacing: float = 2.0, gone: set[int] | None = None) -> RouteGraph:
     """A grid of nodes with edges in both directions, without the nodes `gone`."""
     nodes = {
-        iy * nx + ix: (ix * spacing, iy * spacing)
-        for iy in range(ny)
-        for ix in range(nx)
-        if iy * nx + ix not in (gone or set())
+        iy * nx + ix: (ix * spacing, iy * spacing) for iy in range(ny) for ix in range(nx) if iy * nx + ix not in (gone or set())
     }
     edges = [(a, b) for a in nodes for b in (a + 1, a + nx) if b in nodes and (b != a + 1 or b % nx)]
     return build_graph(nodes, edges, both_ways=True)
@@ -270,8 +274,10 @@ def random_graph(seed: int) -> Case:
     return Case(graph, *_tasks(rng, ids, rng.permutation(ids)[:count].tolist(), 2))
 
 
-def _tasks(rng: np.random.Generator, ids: list[int], starts: list[int], tasks: int):
-    goals = {f"robot_{i}": [] for i in range(len(starts))}
+def _tasks(
+    rng: np.random.Generator, ids: list[int], starts: list[int], tasks: int
+) -> tuple[dict[str, int], dict[str, list[int]]]:
+    goals: dict[str, list[int]] = {f"robot_{i}": [] for i in range(len(starts))}
     for _ in range(tasks):
         for i, goal in enumerate(rng.permutation(ids)[: len(starts)].tolist()):
             goals[f"robot_{i}"].append(int(goal))
@@ -290,11 +296,55 @@ def _connected(nx: int, ny: int, gone: set[int]) -> bool:
     return len(seen) == len(nodes)
 
 
-CASES = {
-    "corridor": corridor,
-    "crossing": crossing,
-    "door": door,
-    "ring": ring,
-    "warehouse": warehouse,
-    "random": random_graph,
-}
+CASES = {"corridor": corridor, "crossing": crossing, "door": door, "ring": ring, "warehouse": warehouse, "random": random_graph}
+
+
+def alone_s(case: Case, seed: int) -> float:
+    """Return the sum of the times in which each robot alone reaches its goals (s)."""
+    total = 0.0
+    rng = np.random.default_rng(seed)
+    planner = RoutePlanner(case.graph)
+    for name in sorted(case.starts):
+        speed, here = 0.5 + 0.5 * rng.random(), case.starts[name]
+        for goal in case.goals[name]:
+            total += planner.find(here, goal).length_m / speed
+            here = goal
+    return total
+
+
+def main() -> None:
+    """Print one line per suite and rule."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=20, help="seeds per suite")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--suites", nargs="+", default=list(CASES), choices=list(CASES))
+    parser.add_argument("--rules", nargs="+", default=["lanes", "reservation", "pibt"], choices=["lanes", "reservation", "pibt"])
+    parser.add_argument("--until", type=float, default=1200.0, help="simulated time after which a run counts as locked (s)")
+    parser.add_argument("--dropout", type=float, default=0.0, help="share of the messages that is lost")
+    parser.add_argument("--delay", type=float, default=0.0, help="delay of each message (s)")
+    args = parser.parse_args()
+    print("suite      rule         runs  done  with contact  deadlocks  time_s  waiting  single  locked seeds", flush=True)
+    for suite in args.suites:
+        for rule in args.rules:
+            runs, began = [], time.process_time()
+            seeds = range(args.first, args.first + args.count)
+            for seed in seeds:
+                link = Communication(args.delay, args.dropout, seed)
+                case = CASES[suite](seed)
+                result = drive(case, rule, seed=seed, until=args.until, link=link)
+                runs.append((seed, result.done, bool(result.contacts), result, alone_s(case, seed)))
+            done = [run for run in runs if run[1]]
+            mean = np.mean([run[3].time for run in done]) if done else math.nan
+            waiting = np.mean([np.mean([r.waited_s for r in run[3].robots]) / run[3].time for run in done]) if done else math.nan
+            single = np.mean([run[4] / run[3].time for run in done]) if done else math.nan
+            deadlocks = sum(run[3].kinds.get("deadlock", 0) for run in runs)
+            print(
+                f"{suite:10} {rule:12} {len(runs):4} {len(done):5} {sum(run[2] for run in runs):13} {deadlocks:10} {mean:7.1f} "
+                f"{waiting:8.0%} {single:7.2f}  {[run[0] for run in runs if not run[1]][:12]}  "
+                f"({time.process_time() - began:.0f} s of processor time)",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
