@@ -58,6 +58,14 @@ def check_positive(name: str, value: Any) -> None:
         raise InputError(f"{name} is {value}; it must be a number above 0", argument=name, value=str(value))
 
 
+def check_points(name: str, value: Any) -> None:
+    """Raise InputError if an argument is not a number of points."""
+    if not (isinstance(value, (int, np.integer)) and value >= 0):
+        raise InputError(
+            f"{name} is {value}; it must be a number of points, 0 or more", argument=name, value=str(value)
+        )
+
+
 def check_reset_options(options: Mapping[str, Any], known: Sequence[str]) -> None:
     """Raise InputError for an option of `reset` that is not among the known ones."""
     for name in options:
@@ -231,8 +239,7 @@ def make_task(
         raise InputError(f'collision is "{collision}"; it must be "end" or "stop"', collision=collision)
     for name, value in (("period", period), ("scan_clip", clip), ("goal_range", reach)):
         check_positive(name, value)
-    if not isinstance(plan, int) or plan < 0:
-        raise InputError(f"plan is {plan}; it must be a number of points, 0 or more", plan=str(plan))
+    check_points("plan", plan)
     steps = round(period * frequency)
     if steps < 1 or abs(steps - period * frequency) > 1e-6:
         raise InputError(

@@ -99,3 +99,10 @@ def test_wrong_levels(source: object, options: dict[str, object], message: str) 
     with pytest.raises(InputError) as caught:
         read_levels(source, **options)  # type: ignore[arg-type]
     assert message in caught.value.message
+
+
+def test_a_message_lists_each_level_once() -> None:
+    with pytest.raises(InputError) as caught:
+        read_levels("zzzzz")
+    known = caught.value.data["known"]
+    assert "office" in known and len(known) == len(set(known))

@@ -359,6 +359,8 @@ def test_a_picture_shows_world_robot_and_goal(levels: list[Level]) -> None:
         ({"reward": {"gaol": 1.0}}, 'unknown reward term "gaol"; did you mean "goal"'),
         ({"reward": {"goal": math.nan}}, "finite number"),
         ({"levels": "offise"}, 'did you mean "office"'),
+        ({"levls": "office"}, 'unknown argument "levls" of the environment; did you mean "levels"?'),
+        ({"plan": -1}, "plan is -1; it must be a number of points, 0 or more"),
         ({"levels": "crowd"}, "obstacles that move"),
         ({"split": "test"}, "known splits: train, held_out, all"),
         ({"period": 0.015}, "whole number of physics steps"),

@@ -188,6 +188,8 @@ def test_wrong_calls(name: str, levels: list[Level]) -> None:
             env.step(bad)
     with pytest.raises(InputError, match="there is no level"):
         env.reset(options={"level": "x"})
+    with pytest.raises(InputError, match='unknown option "levle" of reset; options: level'):
+        env.reset(options={"levle": 0})
     with pytest.raises(InputError, match="the level is 99"):
         env.reset(options={"level": 99})
     with pytest.raises(InputError, match="one per level"):
@@ -205,6 +207,7 @@ def test_wrong_calls(name: str, levels: list[Level]) -> None:
         ("PlannerParams", {"period": 0.0}, "period is 0"),
         ("PlannerParams", {"max_episode_steps": 0}, "max_episode_steps is 0"),
         ("Residual", {"share": 2.0}, "share is 2"),
+        ("Residual", {"shar": 0.2}, 'unknown argument "shar" of the environment; did you mean "share"?'),
         ("Residual", {"scan_clip": -1.0}, "scan_clip is -1"),
         ("Residual", {"collision": "no"}, '"end" or "stop"'),
         ("Residual", {"render_mode": "human"}, "rgb_array"),

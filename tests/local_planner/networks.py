@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import onnx
@@ -51,6 +51,12 @@ def toward_goal(file: Path, beams: int = 120, *, size: int | None = None, output
 
 
 @cache
+def _folder() -> TemporaryDirectory[str]:
+    """A folder that exists until the process ends."""
+    return TemporaryDirectory(prefix="navstack_policy_")
+
+
+@cache
 def shared_network() -> str:
     """The file of a policy with 120 beams that drives towards its goal."""
-    return str(toward_goal(Path(mkdtemp(prefix="navstack_policy_")) / "policy.onnx"))
+    return str(toward_goal(Path(_folder().name) / "policy.onnx"))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
 from navstack.local_planner.critics import BaseObstacleCritic, PreferForwardCritic, RotateToGoalCritic
 from navstack.local_planner.critics.base_obstacle import BaseObstacleParams
+from navstack.local_planner.critics.obstacle import nearest_collision, travelled
 from navstack.local_planner.critics.prefer_forward import PreferForwardParams
 from navstack.local_planner.critics.rotate_to_goal import RotateToGoalParams
 from navstack.local_planner.dwa import DWAParams, DWAPlanner, make_critics
@@ -194,3 +195,21 @@ def test_drives_with_critics_of_ros_1_and_nav2() -> None:
             math.remainder(pose.yaw + 0.05 * velocity.wz, 2.0 * math.pi),
         )
     raise AssertionError(f"not reached: {pose}")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_nearest_collision_is_that_of_the_shortest_way(seed: int) -> None:
+    """Equal to measuring every row; rows without a collision, and points behind the last one, do not count."""
+    rng = np.random.default_rng(seed)
+    poses = np.cumsum(rng.normal(0.0, 0.1, (30, 12, 3)), axis=1)
+    steps = rng.integers(-1, 12, 30)
+    for row, step in enumerate(steps.tolist()):
+        poses[row, step + 1 :] = np.nan if step >= 0 else np.inf
+    rollouts = Rollouts(np.zeros((30, 3)), poses, np.maximum(steps + 1, 1))
+    rows = np.flatnonzero(rng.random(30) < 0.7)
+    found = nearest_collision(rollouts, rows, steps[rows])
+    colliding = [row for row in rows.tolist() if steps[row] >= 0]
+    assert found in colliding
+    shortest = min(travelled(rollouts, row, int(steps[row])) for row in colliding)
+    assert travelled(rollouts, found, int(steps[found])) == pytest.approx(shortest, abs=1e-12)
+    assert nearest_collision(rollouts, rows, np.full(len(rows), -1)) == rows[0]

@@ -185,7 +185,9 @@ def nearest_collision(rollouts: Rollouts, rows: NDArray[np.intp], steps: NDArray
         return int(rows[0])
     rows, steps = rows[colliding], steps[colliding]
     lengths = np.zeros((len(rows), int(steps.max()) + 1))
-    np.cumsum(np.hypot(*np.diff(rollouts.poses[rows, : lengths.shape[1], :2], axis=1).T).T, axis=1, out=lengths[:, 1:])
+    with np.errstate(all="ignore"):  # what is behind a row's last point is arbitrary
+        steps_m = np.hypot(*np.diff(rollouts.poses[rows, : lengths.shape[1], :2], axis=1).T).T
+        np.cumsum(steps_m, axis=1, out=lengths[:, 1:])
     return int(rows[np.argmin(lengths[np.arange(len(rows)), steps])])
 
 
