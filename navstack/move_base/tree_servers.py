@@ -544,7 +544,7 @@ class TreeServers:
             self._fail_moving(error)
             return
         server = self._moving_server
-        self._end_moving(ActionState.SUCCEEDED, **(server.result(end.behavior) if server is not None else {}))
+        self._end_moving(ActionState.SUCCEEDED, result=server.result(end.behavior) if server is not None else {})
 
     def _fail_moving(self, error: NavError) -> None:
         server = self._moving_server
@@ -553,11 +553,13 @@ class TreeServers:
         self.last_code = code
         self._end_moving(ActionState.ABORTED, code, error.message)
 
-    def _end_moving(self, state: ActionState, code: int = 0, message: str = "", **result: object) -> None:
+    def _end_moving(
+        self, state: ActionState, code: int = 0, message: str = "", result: Mapping[str, object] | None = None
+    ) -> None:
         ticket, self._moving = self._moving, None
         self._output.stop_if_moving(self.now)
         if ticket is not None:
-            ticket.end(state, code, message, **result)
+            ticket.end(state, code, message, **(result or {}))
 
     # --- costmaps -----------------------------------------------------------------------------------------------------
 

@@ -38,7 +38,12 @@ def sources_of(costmaps: Sequence[CostmapSetup], *, enabled_only: bool = True) -
 
 
 def monitor_scans(configuration: Configuration) -> dict[str, SensorSource]:
-    """Return the enabled sources of scans of the collision monitor and detector: path below move_base -> source."""
+    """Return the scans that the collision monitor and detector read of a robot whose costmaps read none.
+
+    Path below move_base -> source. Beside a lidar of the costmaps, another topic of scans is a mistake rather than a lidar.
+    """
+    if any(source.data_type == "LaserScan" for source in sources_of(configuration.costmaps).values()):
+        return {}
     safety = configuration.safety
     monitors = {"collision_monitor": safety.collision_monitor, "collision_detector": safety.collision_detector}
     return {
@@ -194,15 +199,13 @@ def follow_accelerations(sim: SimParams, params: Any) -> SimParams:
 def simulated(configuration: Configuration, described: Callable[[], Sequence[DescribedLidar]] = tuple) -> SimParams:
     """Return the simulated robot that follows the observation sources and the local planner of a configuration.
 
-    Scans that only the collision monitor or detector reads come from a lidar of their own, as far as costmaps clear.
+    Scans that only the collision monitor or detector reads (`monitor_scans`) come from a lidar as far as costmaps clear.
     `described` reads the lidars of the robot's files; it is called if they are needed.
     """
     costmaps = configuration.costmaps
     sources = list(sources_of(costmaps).values())
-    topics = {source.topic.strip("/") for source in sources}
     reach = max((source.raytrace_range for source in sources), default=0.0)
-    scans = [replace(s, raytrace_range=reach) for s in monitor_scans(configuration).values()]
-    sources += [scan for scan in scans if scan.topic.strip("/") not in topics]
+    sources += [replace(scan, raytrace_range=reach) for scan in monitor_scans(configuration).values()]
     sim = follow_sources(configuration.navstack.sim, sources, costmaps[1].robot_base_frame, described)
     planner = configuration.local_planner.params
     return follow_planner(follow_accelerations(sim, planner), planner)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from navstack.parameters import Finding, check_parameters
+from navstack.parameters import Finding, check_parameters, load_configuration
 from navstack.plugins import LOCAL_PLANNERS
 from tests.parameters.test_configuration import robot
 
@@ -254,3 +254,15 @@ def test_limits_of_other_planners(planner: str, params: dict[str, Any], texts: d
     assert limits.keys() == texts.keys(), limits
     for key, text in texts.items():
         assert text in limits[key]
+
+
+def test_a_robot_without_scans_for_its_costmaps_has_a_lidar_for_its_monitor() -> None:
+    """A camera for the costmaps, a lidar for the collision monitor: without data of it the robot would stand."""
+    cloud = {"data_type": "PointCloud2", "topic": "points", "marking": True, "clearing": True}
+    layer = {"observation_sources": "scan", "scan": cloud}
+    costmaps = {"global_costmap__obstacle_layer": layer, "local_costmap__obstacle_layer": layer}
+    configuration = load_configuration([robot(**costmaps, **monitor())])
+    lidars = {lidar.topic: lidar.message for lidar in configuration.navstack.sim.lidars.values()}
+    assert lidars == {"points": "PointCloud2", "scan": "LaserScan"}
+    rules = {f.rule: f.key for f in configuration.findings}
+    assert "nothing-feeds-monitor" not in rules
