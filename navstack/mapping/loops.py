@@ -83,7 +83,7 @@ LOOP_FLOOR: Final = np.diag([0.02**2, 0.02**2, 0.004**2])
 """The same of a loop: the earlier scans are not placed exactly among themselves."""
 LEAST_INFORMATION: Final = 1.0 / 0.1**2
 """A loop must determine the position to 0.1 m in every direction."""
-LEAST_SHARE: Final = 0.1
+LEAST_SHARE: Final = 0.02
 """and the points must say this much about the direction that they know worst, relative to the best: a few points at the end of a
 corridor can be anything."""
 _OTHER_M, _OTHER_RAD = 0.6, 0.3
