@@ -136,7 +136,7 @@ def compare(
     least, most = _position_information(hessian)
     if least < max(LEAST_INFORMATION, LEAST_SHARE * most):
         return figures, pose, nothing, "the position is not determined in one direction, as along a corridor"
-    other = (*pose, _OTHER_M, _OTHER_RAD)
+    other = (pose.x, pose.y, pose.yaw, _OTHER_M, _OTHER_RAD)
     second, figures["runner_up"] = surfaces.search(
         scene.surface, scene.pose, half_m=half_m + _OTHER_M, half_rad=half_rad, step_rad=0.02, other=other
     )
