@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,7 +212,8 @@ def tour(grid: OccupancyGrid, rng: np.random.Generator, length: float) -> NDArra
 
     g = grid.geometry
     clear = np.asarray(distance_transform_edt(grid.data == 0)) * g.resolution
-    parts: NDArray[np.int32] = np.asarray(label(clear > 0.4)[0])  # pyright: ignore[reportIndexIssue, reportArgumentType]
+    labeled: Any = label(clear > 0.4)
+    parts: NDArray[np.int32] = np.asarray(labeled[0])
     largest = np.argmax(np.bincount(parts.ravel())[1:]) + 1
     cells = np.argwhere(parts == largest)
     places = [cells[rng.integers(len(cells))]]
