@@ -126,8 +126,11 @@ NO_RETURN: Final = 50.0
 """From this range on (m), a beam has no return: the lasers of these logs report 81.91 or their maximum."""
 
 _STEP_S: Final = 1.0
-"""Time between scans whose times do not increase (s)."""
+"""Time between scans whose times are the same (s),"""
+_BACKWARD_STEP_S: Final = 1e-3
+"""and after a scan whose time goes back: the next one has a right time again."""
 
+_POSES: Final = 6
 _AFTER_RANGES: Final = 9
 """Fields after the ranges: two poses, time, host, time."""
 
@@ -143,6 +146,7 @@ class CarmenLog(ScanLog):
 
     def __iter__(self) -> Iterator[LoggedScan]:
         """Yield the scans; see `ScanLog`."""
+        self.problems.clear()
         odometry, base, has_odometry = Transform2D(), None, False
         stamp, last_scan = -math.inf, -math.inf
         scans, index, began = 0, 0, 0.0
@@ -164,8 +168,13 @@ class CarmenLog(ScanLog):
                 ranges, laser, robot, time = _scan(fields)
             except ValueError as exc:
                 raise LogError(f"{self.path}:{number}: {exc}", file=str(self.path), line=number) from None
+            if math.isnan(time):
+                time = last_scan + _STEP_S if math.isfinite(last_scan) else 0.0
+            elif time <= last_scan:
+                self._problem("the time of a scan is not after that of the scan before; it got a later one")
             # some logs have lost the digits of their times: each scan needs its own
-            stamp = max(stamp, time if time > last_scan else last_scan + _STEP_S)
+            later = last_scan + (_STEP_S if time == last_scan else _BACKWARD_STEP_S)
+            stamp = max(stamp, time if time > last_scan else later)
             last_scan = stamp
             if not has_odometry:  # a raw log without ODOM lines: both poses of a FLASER line are the odometry
                 odometry = odometry if base is None else odometry @ (base.inverse() @ robot)
@@ -213,14 +222,17 @@ def _scan(fields: list[str]) -> tuple[list[float], Transform2D, Transform2D, flo
     if n < 1:
         shown = shortened(fields[1], 20) if len(fields) > 1 else "nothing"
         raise ValueError(f"FLASER must be followed by the number of ranges, not by {shown}")
-    if len(fields) < 2 + n + _AFTER_RANGES:
+    if len(fields) == 2 + n + _POSES:  # some logs have no times
+        fields = [*fields, "nan"]
+    elif len(fields) < 2 + n + _AFTER_RANGES:
         raise ValueError(
             f"FLASER announces {n} ranges, but {len(fields) - 2} fields follow instead of {n + _AFTER_RANGES}: {n} ranges, "
             "two poses x y theta, time host time"
         )
     ranges = [_range(text) for text in fields[2 : 2 + n]]
     rest = fields[2 + n :]
-    return ranges, _pose(rest[:3]), _pose(rest[3:6]), _number(rest[6], "the time")
+    time = math.nan if len(rest) == _POSES + 1 else _number(rest[6], "the time")
+    return ranges, _pose(rest[:3]), _pose(rest[3:6]), time
 
 
 def _pose(fields: list[str]) -> Transform2D:

@@ -83,7 +83,7 @@ LOOP_FLOOR: Final = np.diag([0.02**2, 0.02**2, 0.004**2])
 """The same of a loop: the earlier scans are not placed exactly among themselves."""
 LEAST_INFORMATION: Final = 1.0 / 0.1**2
 """A loop must determine the position to 0.1 m in every direction."""
-LEAST_SHARE: Final = 0.1
+LEAST_SHARE: Final = 0.02
 """and the points must say this much about the direction that they know worst, relative to the best: a few points at the end of a
 corridor can be anything."""
 _OTHER_M, _OTHER_RAD = 0.6, 0.3
@@ -136,7 +136,7 @@ def compare(
     least, most = _position_information(hessian)
     if least < max(LEAST_INFORMATION, LEAST_SHARE * most):
         return figures, pose, nothing, "the position is not determined in one direction, as along a corridor"
-    other = (*pose, _OTHER_M, _OTHER_RAD)
+    other = (pose.x, pose.y, pose.yaw, _OTHER_M, _OTHER_RAD)
     second, figures["runner_up"] = surfaces.search(
         scene.surface, scene.pose, half_m=half_m + _OTHER_M, half_rad=half_rad, step_rad=0.02, other=other
     )

@@ -106,7 +106,8 @@ class KeyframeStore:
 
     def add(self, scan: LaserScan, sensor: Transform2D) -> int:
         """Store a scan; return its number."""
-        setup = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, *sensor)
+        mounting = (sensor.x, sensor.y, sensor.yaw)
+        setup = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, *mounting)
         if setup not in self.known_setups:
             self.known_setups.append(setup)
         self.ranges.append(compact_ranges(scan))
@@ -546,7 +547,11 @@ class Mapper:
             stamps[k],
             stamps[place],
             path,
-            **figures,
+            figures["coarse"],
+            figures["runner_up"],
+            figures["response"],
+            figures["contradiction"],
+            figures["rms"],
             correction=(x, y, yaw),
             measured=at.inverse() @ pose,
             information=information,

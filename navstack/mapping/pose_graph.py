@@ -319,7 +319,7 @@ def _linear(arrays: _Arrays, n: int, information: NDArray[np.float64], e: NDArra
     row, column, value = (np.concatenate(each) for each in (rows, columns, values))
     inside = (row >= d) & (column >= d)
     size = (n - 1) * d
-    matrix = coo_matrix((value[inside], (row[inside] - d, column[inside] - d)), (size, size)).tocsc()
+    matrix: Any = coo_matrix((value[inside], (row[inside] - d, column[inside] - d)), (size, size)).tocsc()
     return _solved(matrix, matrix.diagonal(), 0.0, gradient.ravel()[d:]).reshape(-1, d)
 
 

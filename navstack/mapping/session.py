@@ -49,7 +49,8 @@ def save_session(mapper: Mapper, path: str | Path) -> Path:
         "document": np.frombuffer(json.dumps(jsonable(document)).encode(), np.uint8),
     }
     with atomic_write(Path(path)) as out, out.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+        savez: Any = np.savez_compressed
+        savez(file, **arrays)
     return Path(path)
 
 

@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,8 @@ def fitted(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> Transform2
     a, b = poses[:, :2] - poses[:, :2].mean(0), truth[:, :2] - truth[:, :2].mean(0)
     angle = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
     turned = Transform2D(0.0, 0.0, angle).apply_points(poses[:, :2].mean(0)[None])[0]
-    return Transform2D(*(truth[:, :2].mean(0) - turned).tolist(), angle)
+    x, y = (truth[:, :2].mean(0) - turned).tolist()
+    return Transform2D(x, y, angle)
 
 
 def absolute_error(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
@@ -210,14 +212,18 @@ def tour(grid: OccupancyGrid, rng: np.random.Generator, length: float) -> NDArra
 
     g = grid.geometry
     clear = np.asarray(distance_transform_edt(grid.data == 0)) * g.resolution
-    parts, _ = label(clear > 0.4)
+    labeled: Any = label(clear > 0.4)
+    parts: NDArray[np.int32] = np.asarray(labeled[0])
     largest = np.argmax(np.bincount(parts.ravel())[1:]) + 1
     cells = np.argwhere(parts == largest)
     places = [cells[rng.integers(len(cells))]]
     for _ in range(7):
         far = np.min([np.hypot(*(cells - place).T) for place in places], axis=0)
         places.append(cells[int(np.argmax(far))])
-    points = [(g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution) for iy, ix in places]
+    points = [
+        (g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution)
+        for iy, ix in np.array(places).tolist()
+    ]
     blocked = grid.data != 0
     path: list[NDArray[np.float64]] = []
     total, at, rest, start = 0.0, points[0], points[1:], points[0]
@@ -292,6 +298,7 @@ def logged(
             odometry = odometry @ Transform2D(x, y, turn + (rng.normal(0.0, 0.08) if slipping == 2 else 0.0))
         last = pose
         scan = sensor.scan(world, Pose2D(*pose), n, t)
+        assert isinstance(scan, LaserScan)
         yield LoggedScan(n, scan, sensor.mounting, odometry, None), pose
 
 
@@ -302,7 +309,8 @@ def near_walls(grid: OccupancyGrid, truth: OccupancyGrid, frame: Transform2D) ->
     walls = np.asarray(binary_dilation(truth.data >= 100, np.ones((3, 3))))
     iy, ix = np.nonzero(grid.data >= 100)
     g, t = grid.geometry, truth.geometry
-    points = np.column_stack((g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution))
+    centers = (g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution)
+    points = np.column_stack(centers).astype(np.float64)
     x, y = ((frame.apply_points(points) - [t.origin_x, t.origin_y]) / t.resolution).astype(int).T
     inside = (x >= 0) & (y >= 0) & (x < t.nx) & (y < t.ny)
     return float(walls[y[inside], x[inside]].sum()) / max(len(x), 1)
