@@ -25,8 +25,6 @@ _SAME_M: Final = 0.3
 _TRIES: Final = 2
 """Goals for one frontier before it is given up; the second one when there is no other frontier."""
 GOAL_TIME_LIMIT_S: Final = 120.0
-SEEN: Final = ("seen", "reached")
-"""Outcomes of goals that did not fail."""
 _COMPLETE: Final = "nothing that the robot can reach is unknown"
 
 
@@ -43,8 +41,13 @@ class Visit:
     """When it was chosen (s)."""
     frontier: Frontier
     outcome: str
-    """`seen` if it vanished on the way, else how the goal ended."""
+    """`seen` if it vanished on the way, `blocked` if an obstacle took the goal, else how the goal ended."""
     reason: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """True if the robot neither saw the frontier nor reached the goal."""
+        return self.outcome not in ("seen", "reached")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +102,8 @@ class Exploration:
         self.ended = ""
         """Why the exploration ended; empty while it goes on."""
         self._current: tuple[float, Frontier] | None = None
-        self._tries: list[tuple[float, float, str]] = []
-        """Frontiers (m) to which a goal failed or changed nothing, and why."""
+        self._tries: list[tuple[float, float, str, int]] = []
+        """Frontiers (m) to which a goal failed or changed nothing, why, and for how many tries that counts."""
         self._due = 0.0
         self._grid: OccupancyGrid | None = None
         """The map that was looked at last."""
@@ -147,7 +150,7 @@ class Exploration:
         """Return the frontiers of the last map that remain, with the reason."""
         found: list[Left] = []
         for frontier in self.frontiers:
-            tried = [reason for x, y, reason in self._tries if frontier.is_near(x, y, _SAME_M)]
+            tried = [reason for x, y, reason, _ in self._tries if frontier.is_near(x, y, _SAME_M)]
             reason = frontier.reason or (tried[-1] if tried else self.ended)
             found.append(Left(frontier.x, frontier.y, frontier.size, reason))
         return found
@@ -189,7 +192,7 @@ class Exploration:
         run.interact(GoTo(time=run.robot.time, pose=list(following.goal)))
 
     def _count(self, frontier: Frontier) -> int:
-        return sum(1 for x, y, _ in self._tries if frontier.is_near(x, y, _SAME_M))
+        return sum(tries for x, y, _, tries in self._tries if frontier.is_near(x, y, _SAME_M))
 
     def _is_blocked(self, costmap: Costmap) -> bool:
         goal = None if self._current is None else self._current[1].goal
@@ -198,14 +201,14 @@ class Exploration:
 
     def _note_end(self, outcome: GoalOutcome) -> None:
         if outcome.succeeded:
-            self._note_failure("reached", "the robot was there, and it remains unknown")
+            self._note_failure("reached", "the robot was there, and it remains unknown", _TRIES)
         else:
             self._note_failure(outcome.state.lower(), outcome.message or outcome.text)
 
-    def _note_failure(self, outcome: str, reason: str) -> None:
+    def _note_failure(self, outcome: str, reason: str, tries: int = 1) -> None:
         assert self._current is not None
         target = self._current[1]
-        self._tries.append((target.x, target.y, reason))
+        self._tries.append((target.x, target.y, reason, tries))
         self._note(outcome, reason)
 
     def _note(self, outcome: str, reason: str = "") -> None:
@@ -251,7 +254,7 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
         "keyframes": exploration.mapper.keyframes,
         "loops_accepted": sum(1 for loop in exploration.mapper.mapper.loops if loop.accepted),
         "goals": len(visits),
-        "goals_failed": sum(1 for visit in visits if visit.outcome not in SEEN),
+        "goals_failed": sum(visit.failed for visit in visits),
         "visits": [
             {
                 "time_s": v.time,
