@@ -183,7 +183,8 @@ class Exploration:
         tries, _, following = min(reached, default=(_TRIES, 0, None))
         if following is None or tries >= _TRIES:
             if not run.goals.under_way:
-                self.stop(_COMPLETE)
+                failed = sum(1 for _, _, f in reached if self._not_reached(f))
+                self.stop(f"{failed} frontiers remain that the robot did not get to" if failed else _COMPLETE)
             else:
                 run.interact(Cancel(time=run.robot.time))
             return
@@ -198,6 +199,11 @@ class Exploration:
         goal = None if self._current is None else self._current[1].goal
         cost = None if goal is None else costmap.cost_at(goal.x, goal.y)
         return cost is not None and cost >= INSCRIBED
+
+    def _not_reached(self, frontier: Frontier) -> bool:
+        """Return whether no goal of a frontier was reached, though there is a way."""
+        tried = [tries for x, y, _, tries in self._tries if frontier.is_near(x, y, _SAME_M)]
+        return not frontier.tight and _TRIES not in tried
 
     def _note_end(self, outcome: GoalOutcome) -> None:
         if outcome.succeeded:

@@ -51,6 +51,8 @@ class Frontier:
     """Length of the way there, longer near obstacles (m); infinite without a goal."""
     reason: str = ""
     """Why there is no goal."""
+    tight: bool = False
+    """The robot cannot turn in place at the goal: it may not find out of there."""
     cells: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)), repr=False, compare=False)
     """(n, 2) centers of its cells (m)."""
 
@@ -119,7 +121,7 @@ def find_frontiers(
 
     The goal of a frontier is the cell nearest to its middle that the robot reaches, over free cells of the map, so never
     behind a wall; where it can, one farther from obstacles than `turning_radius` (m). The order is that of way minus gain;
-    frontiers without a goal come last.
+    frontiers whose goals are nearer to obstacles come after the others, those without a goal last.
     """
     p = params or ExplorationParams()
     g = grid.geometry
@@ -153,9 +155,10 @@ def find_frontiers(
             )
             if (around & (costmap.data[near] < INSCRIBED)).any():
                 reason = "no way there that is wide enough"
-            found.append(Frontier(x, y, size, None, math.inf, reason, cells))
+            found.append(Frontier(x, y, size, None, math.inf, reason, cells=cells))
             continue
-        if (candidates & clear[near]).any():
+        tight = not (candidates & clear[near]).any()
+        if not tight:
             candidates &= clear[near]
         cy, cx = np.nonzero(candidates)
         best = int(np.argmin(np.square(cy - iy[middle]) + np.square(cx - ix[middle])))
@@ -163,5 +166,7 @@ def find_frontiers(
         uy, ux = np.nonzero(unknown[near] & ndimage.binary_dilation(line, _EIGHT, iterations=3))
         yaw = math.atan2(float(uy.mean() - cy[best]), float(ux.mean() - cx[best]))
         way = float(costs[near][cy[best], cx[best]])
-        found.append(Frontier(x, y, size, Pose2D(gx, gy, yaw), way, "", cells))
-    return sorted(found, key=lambda f: (f.distance - p.gain * min(f.size, p.most_gain), f.x, f.y))
+        found.append(Frontier(x, y, size, Pose2D(gx, gy, yaw), way, tight=tight, cells=cells))
+    return sorted(
+        found, key=lambda f: (f.goal is None, f.tight, f.distance - p.gain * min(f.size, p.most_gain), f.x, f.y)
+    )
