@@ -16,7 +16,7 @@ from navstack.core import INSCRIBED, Costmap, InputError, OccupancyGrid, Pose2D,
 from navstack.costmap import LayeredCostmap, StaticLayer
 from navstack.mapping.frontiers import ExplorationParams, Frontier, find_frontiers, travel_costs
 from navstack.mapping.online import OnlineMapper
-from navstack.scenario import Cancel, GoalOutcome, GoTo, Run, Scenario, Wait
+from navstack.scenario import Cancel, GoalOutcome, GoTo, Run, Scenario, StartStep, Wait
 
 _UPDATE_S: Final = 1.0
 """Between two maps."""
@@ -24,13 +24,25 @@ _SAME_M: Final = 0.3
 """A frontier with a cell this near to the middle of one before is the same."""
 _TRIES: Final = 2
 """Goals for one frontier before it is given up; the second one when there is no other frontier."""
+_BACK_M: Final = 0.4
+"""After a goal that failed, the robot first backs off by this much (m), out of a gap into which it has driven."""
 GOAL_TIME_LIMIT_S: Final = 120.0
+PADDING_M: Final = 0.1
+"""`footprint_padding` of the global costmap (m)."""
 _COMPLETE: Final = "nothing that the robot can reach is unknown"
 
 
 def overrides_for_exploration() -> list[str]:
-    """Return the parameters that exploration needs: the robot makes its map, and unknown space is known to be unknown."""
-    return ["global_costmap.track_unknown_space=true", "navstack.sim.localization=mapping"]
+    """Return the parameters that exploration needs, which those of the user may override.
+
+    The robot makes its map, unknown space is known to be unknown, and plans keep out of gaps in which a controller may wedge the
+    robot: its footprint in the global costmap is larger by PADDING_M.
+    """
+    return [
+        "navstack.sim.localization=mapping",
+        "global_costmap.track_unknown_space=true",
+        f"global_costmap.footprint_padding={PADDING_M}",
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,8 +178,12 @@ class Exploration:
             area = float((self._grid.data == 0).sum()) * self._grid.geometry.resolution**2
             self.areas.append((run.robot.time, run.path_length, area))
         costmap = run.move_base.global_costmap
+        if self._current is None and not idle:
+            return  # the robot backs off, or brakes
         if idle and self._current is not None:
-            self._note_end(run.outcomes[-1])
+            if self._note_end(run.outcomes[-1]):
+                run.interact(StartStep(time=run.robot.time, step={"move": -_BACK_M}))
+                return
         elif self._is_blocked(costmap.master):
             self._note_failure("blocked", "obstacles stand where the robot would see it from")
         elif not (idle or changed):
@@ -205,11 +221,13 @@ class Exploration:
         tried = [tries for x, y, _, tries in self._tries if frontier.is_near(x, y, _SAME_M)]
         return not frontier.tight and _TRIES not in tried
 
-    def _note_end(self, outcome: GoalOutcome) -> None:
+    def _note_end(self, outcome: GoalOutcome) -> bool:
+        """Note how a goal ended; return whether the robot should back off: it failed where the robot may be wedged."""
         if outcome.succeeded:
             self._note_failure("reached", "the robot was there, and it remains unknown", _TRIES)
-        else:
-            self._note_failure(outcome.state.lower(), outcome.message or outcome.text)
+            return False
+        self._note_failure(outcome.state.lower(), outcome.message or outcome.text)
+        return True
 
     def _note_failure(self, outcome: str, reason: str, tries: int = 1) -> None:
         assert self._current is not None
