@@ -16,8 +16,9 @@ from navstack.core import INSCRIBED, Costmap, InputError, OccupancyGrid, Pose2D,
 from navstack.costmap import LayeredCostmap, StaticLayer
 from navstack.mapping.frontiers import ExplorationParams, Frontier, find_frontiers, travel_costs
 from navstack.mapping.online import OnlineMapper
-from navstack.scenario import Cancel, GoalOutcome, GoTo, Run, Scenario, StartStep, Wait
+from navstack.scenario import INTERACTION, Cancel, GoalOutcome, GoTo, Run, Scenario, Wait
 
+_image: Any = ndimage  # its stubs do not know what most functions return
 _UPDATE_S: Final = 1.0
 """Between two maps."""
 _SAME_M: Final = 0.3
@@ -99,8 +100,11 @@ class Exploration:
         self.mapper = mapper
         self.run.interact(Wait(time=0.0, duration=time_limit_s))  # go on between goals
         costmap = self.run.move_base.global_costmap
-        mapped = isinstance(costmap, LayeredCostmap) and any(isinstance(layer, StaticLayer) for layer in costmap.layers)
-        if not mapped or costmap.rolling_window:
+        if (
+            not isinstance(costmap, LayeredCostmap)
+            or costmap.rolling_window
+            or not any(isinstance(layer, StaticLayer) for layer in costmap.layers)
+        ):
             raise InputError(
                 "exploration needs a global costmap with the layer of the static map and without a rolling window, which the map "
                 "can grow in; these parameters have none: add static_layer to global_costmap/plugins, and rolling_window: false"
@@ -182,7 +186,8 @@ class Exploration:
             return  # the robot backs off, or brakes
         if idle and self._current is not None:
             if self._note_end(run.outcomes[-1]):
-                run.interact(StartStep(time=run.robot.time, step={"move": -_BACK_M}))
+                back = {"kind": "step", "time": run.robot.time, "step": {"move": -_BACK_M}}
+                run.interact(INTERACTION.validate_python(back))
                 return
         elif self._is_blocked(costmap.master):
             self._note_failure("blocked", "obstacles stand where the robot would see it from")
@@ -258,9 +263,9 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
     iy, ix = np.nonzero(reachable)
     known = _values_at(grid, _centers(world, iy, ix)) == 0
     walls = _centers(grid, *np.nonzero(grid.data == 100))
-    distance = np.asarray(ndimage.distance_transform_edt(world.data != 100))
+    distance = np.asarray(_image.distance_transform_edt(world.data != 100))
     at = _cells_of(world, walls)
-    near = at is not None and len(walls) > 0
+    near = len(walls) > 0
     exact = float((distance[at[:, 1], at[:, 0]] <= 1.0 + 1e-9).mean()) if near else math.nan
     estimate, truth = exploration.believed, run.robot.pose
     visits = exploration.visits
@@ -299,7 +304,7 @@ def reachable_cells(scenario: Scenario, world: OccupancyGrid) -> NDArray[np.bool
     costmap = costmap_on_map(scenario.configuration, world, scenario.start).master
     open_ = costmap.data < INSCRIBED
     cell = costmap.geometry.world_to_cell(scenario.start.x, scenario.start.y)
-    labels, _ = ndimage.label(open_, np.ones((3, 3), bool))
+    labels, _ = _image.label(open_, np.ones((3, 3), bool))
     if cell is None or not labels[cell[1], cell[0]] or open_.shape != world.data.shape:
         return np.zeros(world.geometry.shape, bool)
     return np.asarray(labels == labels[cell[1], cell[0]])
@@ -344,7 +349,7 @@ def drive_on(
 def _centers(grid: OccupancyGrid, iy: NDArray[np.int64], ix: NDArray[np.int64]) -> NDArray[np.float64]:
     g = grid.geometry
     axes = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw)
-    return axes.apply_points((np.column_stack((ix, iy)) + 0.5) * g.resolution)
+    return axes.apply_points((np.column_stack((ix, iy)).astype(np.float64) + 0.5) * g.resolution)
 
 
 def _cells_of(grid: OccupancyGrid, points: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from navstack.scenario.interactions import Cancel as Cancel
     from navstack.scenario.interactions import Drive as Drive
     from navstack.scenario.interactions import GoTo as GoTo
-    from navstack.scenario.interactions import StartStep as StartStep
     from navstack.scenario.interactions import Wait as Wait
     from navstack.scenario.outcome import GoalOutcome as GoalOutcome
     from navstack.scenario.outcome import RunResult as RunResult
