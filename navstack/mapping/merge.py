@@ -190,7 +190,7 @@ class _Pair:
         def pose(change: NDArray[np.float64]) -> Transform2D:
             # turned about the middle of the walls, so that position and heading do not depend on each other
             dx, dy, turn = change.tolist()
-            around = Transform2D(*middle.tolist(), 0.0)
+            around = Transform2D(float(middle[0]), float(middle[1]), 0.0)
             return start @ around @ Transform2D(dx, dy, turn) @ around.inverse()
 
         def badness(change: NDArray[np.float64], sigma: float) -> float:

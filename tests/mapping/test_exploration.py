@@ -31,7 +31,7 @@ def costmap_of(grid: OccupancyGrid, inflated: int = 2) -> Costmap:
     from scipy.ndimage import binary_dilation
 
     data = np.where(grid.data == 100, 254, np.where(grid.data == -1, 255, 0)).astype(np.uint8)
-    near = binary_dilation(grid.data == 100, iterations=inflated) & (data < 253)
+    near = np.asarray(binary_dilation(grid.data == 100, iterations=inflated), bool) & (data < 253)
     data[near] = 253
     return Costmap(grid.geometry, data)
 
