@@ -65,7 +65,7 @@ def explore(
     path, world = map_of(map_)
     configuration = load_configuration(params, overrides=set_, distro=distro)
     print_findings(configuration.findings, params, set_)
-    maps = load_configuration(params, overrides=[*set_, *overrides_for_exploration()], distro=distro)
+    maps = load_configuration(params, overrides=[*overrides_for_exploration(), *set_], distro=distro)
     if configuration.navstack.sim.localization not in ("amcl", "scan_matching"):
         # whoever drives on a map of its own must find itself there
         located = ("navstack.sim.localization=scan_matching",)

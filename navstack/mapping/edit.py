@@ -15,6 +15,7 @@ from scipy import ndimage
 from navstack.core import GridGeometry, InputError, OccupancyGrid, Pose2D, Transform2D
 from navstack.coverage import read_field
 
+_image: Any = ndimage  # its stubs do not know what most functions return
 _EIGHT: Final = np.ones((3, 3), bool)
 _MOST_CELLS: Final = 80_000_000
 """As the largest image of `map_io`."""
@@ -29,7 +30,7 @@ def grid_axes(grid: OccupancyGrid) -> Transform2D:
 
 def cell_centers(grid: OccupancyGrid, iy: NDArray[np.int64], ix: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the centers (n, 2) of cells in the frame of the map (m)."""
-    return grid_axes(grid).apply_points((np.column_stack((ix, iy)) + 0.5) * grid.geometry.resolution)
+    return grid_axes(grid).apply_points((np.column_stack((ix, iy)).astype(np.float64) + 0.5) * grid.geometry.resolution)
 
 
 def crop(
@@ -77,7 +78,7 @@ def wall_direction(grid: OccupancyGrid) -> float:
     """
     iy, ix = np.nonzero(grid.data == 100)
     every = max(1, len(iy) // 20_000)
-    points = (np.column_stack((ix, iy)) + 0.5)[::every]
+    points = (np.column_stack((ix, iy)).astype(np.float64) + 0.5)[::every]
 
     def concentration(angle: float) -> float:
         c, s = math.cos(angle), math.sin(angle)
@@ -173,17 +174,17 @@ def _without(grid: OccupancyGrid, value: int, area: float, others: tuple[int, in
     """Replace small groups of `value` by the first of `others` where most neighbors with either value have it."""
     if not (math.isfinite(area) and area > 0.0):
         raise InputError(f"the area {area:g} must be above 0 m²", argument="area", value=area)
-    labels, count = ndimage.label(grid.data == value, _EIGHT)
+    labels, count = _image.label(grid.data == value, _EIGHT)
     labels = np.asarray(labels)
     limit = area / grid.geometry.resolution**2
     small = np.nonzero(np.bincount(labels.ravel(), minlength=count + 1)[1:] < limit - 1e-9)[0] + 1
     data = grid.data.copy()
-    boxes = ndimage.find_objects(labels)
+    boxes = _image.find_objects(labels)
     for label in small.tolist():
         ys, xs = boxes[label - 1]
         box = slice(max(0, ys.start - 1), ys.stop + 1), slice(max(0, xs.start - 1), xs.stop + 1)
         own = labels[box] == label
-        around = grid.data[box][ndimage.binary_dilation(own, _EIGHT) & ~own]
+        around = grid.data[box][_image.binary_dilation(own, _EIGHT) & ~own]
         first, second = (int((around == other).sum()) for other in others)
         data[box][own] = others[0] if first >= second else others[1]
     return replace(grid, data=data), len(small)

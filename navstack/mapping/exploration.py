@@ -16,23 +16,34 @@ from navstack.core import INSCRIBED, Costmap, InputError, OccupancyGrid, Pose2D,
 from navstack.costmap import LayeredCostmap, StaticLayer
 from navstack.mapping.frontiers import ExplorationParams, Frontier, find_frontiers, travel_costs
 from navstack.mapping.online import OnlineMapper
-from navstack.scenario import Cancel, GoalOutcome, GoTo, Run, Scenario, Wait
+from navstack.scenario import INTERACTION, Cancel, GoalOutcome, GoTo, Run, Scenario, Wait
 
+_image: Any = ndimage  # its stubs do not know what most functions return
 _UPDATE_S: Final = 1.0
 """Between two maps."""
 _SAME_M: Final = 0.3
 """A frontier with a cell this near to the middle of one before is the same."""
 _TRIES: Final = 2
 """Goals for one frontier before it is given up; the second one when there is no other frontier."""
+_BACK_M: Final = 0.4
+"""After a goal that failed, the robot first backs off by this much (m), out of a gap into which it has driven."""
 GOAL_TIME_LIMIT_S: Final = 120.0
-SEEN: Final = ("seen", "reached")
-"""Outcomes of goals that did not fail."""
+PADDING_M: Final = 0.1
+"""`footprint_padding` of the global costmap (m)."""
 _COMPLETE: Final = "nothing that the robot can reach is unknown"
 
 
 def overrides_for_exploration() -> list[str]:
-    """Return the parameters that exploration needs: the robot makes its map, and unknown space is known to be unknown."""
-    return ["global_costmap.track_unknown_space=true", "navstack.sim.localization=mapping"]
+    """Return the parameters that exploration needs, which those of the user may override.
+
+    The robot makes its map, unknown space is known to be unknown, and plans keep out of gaps in which a controller may wedge the
+    robot: its footprint in the global costmap is larger by PADDING_M.
+    """
+    return [
+        "navstack.sim.localization=mapping",
+        "global_costmap.track_unknown_space=true",
+        f"global_costmap.footprint_padding={PADDING_M}",
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +54,13 @@ class Visit:
     """When it was chosen (s)."""
     frontier: Frontier
     outcome: str
-    """`seen` if it vanished on the way, else how the goal ended."""
+    """`seen` if it vanished on the way, `blocked` if an obstacle took the goal, else how the goal ended."""
     reason: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """True if the robot neither saw the frontier nor reached the goal."""
+        return self.outcome not in ("seen", "reached")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +100,11 @@ class Exploration:
         self.mapper = mapper
         self.run.interact(Wait(time=0.0, duration=time_limit_s))  # go on between goals
         costmap = self.run.move_base.global_costmap
-        mapped = isinstance(costmap, LayeredCostmap) and any(isinstance(layer, StaticLayer) for layer in costmap.layers)
-        if not mapped or costmap.rolling_window:
+        if (
+            not isinstance(costmap, LayeredCostmap)
+            or costmap.rolling_window
+            or not any(isinstance(layer, StaticLayer) for layer in costmap.layers)
+        ):
             raise InputError(
                 "exploration needs a global costmap with the layer of the static map and without a rolling window, which the map "
                 "can grow in; these parameters have none: add static_layer to global_costmap/plugins, and rolling_window: false"
@@ -99,8 +118,8 @@ class Exploration:
         self.ended = ""
         """Why the exploration ended; empty while it goes on."""
         self._current: tuple[float, Frontier] | None = None
-        self._tries: list[tuple[float, float, str]] = []
-        """Frontiers (m) to which a goal failed or changed nothing, and why."""
+        self._tries: list[tuple[float, float, str, int]] = []
+        """Frontiers (m) to which a goal failed or changed nothing, why, and for how many tries that counts."""
         self._due = 0.0
         self._grid: OccupancyGrid | None = None
         """The map that was looked at last."""
@@ -147,7 +166,7 @@ class Exploration:
         """Return the frontiers of the last map that remain, with the reason."""
         found: list[Left] = []
         for frontier in self.frontiers:
-            tried = [reason for x, y, reason in self._tries if frontier.is_near(x, y, _SAME_M)]
+            tried = [reason for x, y, reason, _ in self._tries if frontier.is_near(x, y, _SAME_M)]
             reason = frontier.reason or (tried[-1] if tried else self.ended)
             found.append(Left(frontier.x, frontier.y, frontier.size, reason))
         return found
@@ -163,8 +182,13 @@ class Exploration:
             area = float((self._grid.data == 0).sum()) * self._grid.geometry.resolution**2
             self.areas.append((run.robot.time, run.path_length, area))
         costmap = run.move_base.global_costmap
+        if self._current is None and not idle:
+            return  # the robot backs off, or brakes
         if idle and self._current is not None:
-            self._note_end(run.outcomes[-1])
+            if self._note_end(run.outcomes[-1]):
+                back = {"kind": "step", "time": run.robot.time, "step": {"move": -_BACK_M}}
+                run.interact(INTERACTION.validate_python(back))
+                return
         elif self._is_blocked(costmap.master):
             self._note_failure("blocked", "obstacles stand where the robot would see it from")
         elif not (idle or changed):
@@ -180,7 +204,8 @@ class Exploration:
         tries, _, following = min(reached, default=(_TRIES, 0, None))
         if following is None or tries >= _TRIES:
             if not run.goals.under_way:
-                self.stop(_COMPLETE)
+                failed = sum(1 for _, _, f in reached if self._not_reached(f))
+                self.stop(f"{failed} frontiers remain that the robot did not get to" if failed else _COMPLETE)
             else:
                 run.interact(Cancel(time=run.robot.time))
             return
@@ -189,23 +214,30 @@ class Exploration:
         run.interact(GoTo(time=run.robot.time, pose=list(following.goal)))
 
     def _count(self, frontier: Frontier) -> int:
-        return sum(1 for x, y, _ in self._tries if frontier.is_near(x, y, _SAME_M))
+        return sum(tries for x, y, _, tries in self._tries if frontier.is_near(x, y, _SAME_M))
 
     def _is_blocked(self, costmap: Costmap) -> bool:
         goal = None if self._current is None else self._current[1].goal
         cost = None if goal is None else costmap.cost_at(goal.x, goal.y)
         return cost is not None and cost >= INSCRIBED
 
-    def _note_end(self, outcome: GoalOutcome) -> None:
-        if outcome.succeeded:
-            self._note_failure("reached", "the robot was there, and it remains unknown")
-        else:
-            self._note_failure(outcome.state.lower(), outcome.message or outcome.text)
+    def _not_reached(self, frontier: Frontier) -> bool:
+        """Return whether no goal of a frontier was reached, though there is a way."""
+        tried = [tries for x, y, _, tries in self._tries if frontier.is_near(x, y, _SAME_M)]
+        return not frontier.tight and _TRIES not in tried
 
-    def _note_failure(self, outcome: str, reason: str) -> None:
+    def _note_end(self, outcome: GoalOutcome) -> bool:
+        """Note how a goal ended; return whether the robot should back off: it failed where the robot may be wedged."""
+        if outcome.succeeded:
+            self._note_failure("reached", "the robot was there, and it remains unknown", _TRIES)
+            return False
+        self._note_failure(outcome.state.lower(), outcome.message or outcome.text)
+        return True
+
+    def _note_failure(self, outcome: str, reason: str, tries: int = 1) -> None:
         assert self._current is not None
         target = self._current[1]
-        self._tries.append((target.x, target.y, reason))
+        self._tries.append((target.x, target.y, reason, tries))
         self._note(outcome, reason)
 
     def _note(self, outcome: str, reason: str = "") -> None:
@@ -231,9 +263,9 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
     iy, ix = np.nonzero(reachable)
     known = _values_at(grid, _centers(world, iy, ix)) == 0
     walls = _centers(grid, *np.nonzero(grid.data == 100))
-    distance = np.asarray(ndimage.distance_transform_edt(world.data != 100))
+    distance = np.asarray(_image.distance_transform_edt(world.data != 100))
     at = _cells_of(world, walls)
-    near = at is not None and len(walls) > 0
+    near = len(walls) > 0
     exact = float((distance[at[:, 1], at[:, 0]] <= 1.0 + 1e-9).mean()) if near else math.nan
     estimate, truth = exploration.believed, run.robot.pose
     visits = exploration.visits
@@ -251,7 +283,7 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
         "keyframes": exploration.mapper.keyframes,
         "loops_accepted": sum(1 for loop in exploration.mapper.mapper.loops if loop.accepted),
         "goals": len(visits),
-        "goals_failed": sum(1 for visit in visits if visit.outcome not in SEEN),
+        "goals_failed": sum(visit.failed for visit in visits),
         "visits": [
             {
                 "time_s": v.time,
@@ -272,7 +304,7 @@ def reachable_cells(scenario: Scenario, world: OccupancyGrid) -> NDArray[np.bool
     costmap = costmap_on_map(scenario.configuration, world, scenario.start).master
     open_ = costmap.data < INSCRIBED
     cell = costmap.geometry.world_to_cell(scenario.start.x, scenario.start.y)
-    labels, _ = ndimage.label(open_, np.ones((3, 3), bool))
+    labels, _ = _image.label(open_, np.ones((3, 3), bool))
     if cell is None or not labels[cell[1], cell[0]] or open_.shape != world.data.shape:
         return np.zeros(world.geometry.shape, bool)
     return np.asarray(labels == labels[cell[1], cell[0]])
@@ -317,7 +349,7 @@ def drive_on(
 def _centers(grid: OccupancyGrid, iy: NDArray[np.int64], ix: NDArray[np.int64]) -> NDArray[np.float64]:
     g = grid.geometry
     axes = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw)
-    return axes.apply_points((np.column_stack((ix, iy)) + 0.5) * g.resolution)
+    return axes.apply_points((np.column_stack((ix, iy)).astype(np.float64) + 0.5) * g.resolution)
 
 
 def _cells_of(grid: OccupancyGrid, points: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -16,6 +16,7 @@ from scipy.sparse import csgraph
 
 from navstack.core import INSCRIBED, LETHAL, Costmap, OccupancyGrid, Pose2D
 
+_image: Any = ndimage  # its stubs do not know what most functions return
 _EIGHT: Final = np.ones((3, 3), bool)
 _COST_WEIGHT: Final = 2.0
 """A cell of the cost before INSCRIBED counts as this much longer."""
@@ -51,6 +52,8 @@ class Frontier:
     """Length of the way there, longer near obstacles (m); infinite without a goal."""
     reason: str = ""
     """Why there is no goal."""
+    tight: bool = False
+    """The robot cannot turn in place at the goal: it may not find out of there."""
     cells: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)), repr=False, compare=False)
     """(n, 2) centers of its cells (m)."""
 
@@ -62,7 +65,7 @@ class Frontier:
 def unknown_space(grid: OccupancyGrid, least_m2: float) -> NDArray[np.bool_]:
     """Return the unknown cells (ny, nx), without groups smaller than `least_m2`; beyond the map's edge nothing is unknown."""
     unknown = grid.data == -1
-    labels, _ = ndimage.label(unknown)
+    labels, _ = _image.label(unknown)
     sizes = np.bincount(np.asarray(labels).ravel())
     return unknown & (sizes >= least_m2 / grid.geometry.resolution**2)[labels]
 
@@ -79,11 +82,11 @@ def travel_costs(costmap: Costmap, start: Pose2D) -> NDArray[np.float64]:
     if cell is None:
         return result
     if not open_[cell[1], cell[0]]:
-        distance, nearest = ndimage.distance_transform_edt(~open_, return_indices=True)
+        distance, nearest = _image.distance_transform_edt(~open_, return_indices=True)
         if distance[cell[1], cell[0]] * g.resolution > 0.5:
             return result
         cell = int(nearest[1, cell[1], cell[0]]), int(nearest[0, cell[1], cell[0]])
-    labels, _ = ndimage.label(open_, _EIGHT)
+    labels, _ = _image.label(open_, _EIGHT)
     inside = np.asarray(labels) == labels[cell[1], cell[0]]
     number = np.full(g.shape, -1, np.int64)
     number[inside] = np.arange(int(inside.sum()))
@@ -119,21 +122,21 @@ def find_frontiers(
 
     The goal of a frontier is the cell nearest to its middle that the robot reaches, over free cells of the map, so never
     behind a wall; where it can, one farther from obstacles than `turning_radius` (m). The order is that of way minus gain;
-    frontiers without a goal come last.
+    frontiers whose goals are nearer to obstacles come after the others, those without a goal last.
     """
     p = params or ExplorationParams()
     g = grid.geometry
     # without the thin lines of single beams beside walls
-    free = np.asarray(ndimage.binary_opening(grid.data == 0, _EIGHT))
-    clear = np.asarray(ndimage.distance_transform_edt(costmap.data != LETHAL)) * g.resolution > turning_radius
+    free = np.asarray(_image.binary_opening(grid.data == 0, _EIGHT))
+    clear = np.asarray(_image.distance_transform_edt(costmap.data != LETHAL)) * g.resolution > turning_radius
     unknown = unknown_space(grid, p.min_unknown)
-    edge = free & ndimage.binary_dilation(unknown)
-    labels, _ = ndimage.label(edge, _EIGHT)
+    edge = free & _image.binary_dilation(unknown)
+    labels, _ = _image.label(edge, _EIGHT)
     labels = np.asarray(labels)
     costs = travel_costs(costmap, robot)
     found: list[Frontier] = []
     steps = math.ceil(p.reach / g.resolution)
-    for label, box in enumerate(ndimage.find_objects(labels), start=1):
+    for label, box in enumerate(_image.find_objects(labels), start=1):
         ys, xs = box
         top, left = max(0, ys.start - steps), max(0, xs.start - steps)
         near = np.s_[top : ys.stop + steps, left : xs.stop + steps]
@@ -143,9 +146,10 @@ def find_frontiers(
             continue
         iy, ix = np.nonzero(line)
         middle = int(np.argmin(np.square(iy - iy.mean()) + np.square(ix - ix.mean())))
-        cells = np.column_stack((ix + left + 0.5, iy + top + 0.5)) * g.resolution + (g.origin_x, g.origin_y)
+        cells = np.column_stack((ix + left, iy + top)).astype(np.float64) + 0.5
+        cells = np.asarray(cells * g.resolution + (g.origin_x, g.origin_y), np.float64)
         x, y = cells[middle].tolist()
-        around = ndimage.binary_dilation(line, _EIGHT, iterations=steps, mask=free[near] | line)
+        around = _image.binary_dilation(line, _EIGHT, iterations=steps, mask=free[near] | line)
         candidates = around & np.isfinite(costs[near])
         if not candidates.any():
             reason = (
@@ -153,15 +157,18 @@ def find_frontiers(
             )
             if (around & (costmap.data[near] < INSCRIBED)).any():
                 reason = "no way there that is wide enough"
-            found.append(Frontier(x, y, size, None, math.inf, reason, cells))
+            found.append(Frontier(x, y, size, None, math.inf, reason, cells=cells))
             continue
-        if (candidates & clear[near]).any():
+        tight = not (candidates & clear[near]).any()
+        if not tight:
             candidates &= clear[near]
         cy, cx = np.nonzero(candidates)
         best = int(np.argmin(np.square(cy - iy[middle]) + np.square(cx - ix[middle])))
         gx, gy = g.cell_to_world(left + int(cx[best]), top + int(cy[best]))
-        uy, ux = np.nonzero(unknown[near] & ndimage.binary_dilation(line, _EIGHT, iterations=3))
+        uy, ux = np.nonzero(unknown[near] & _image.binary_dilation(line, _EIGHT, iterations=3))
         yaw = math.atan2(float(uy.mean() - cy[best]), float(ux.mean() - cx[best]))
         way = float(costs[near][cy[best], cx[best]])
-        found.append(Frontier(x, y, size, Pose2D(gx, gy, yaw), way, "", cells))
-    return sorted(found, key=lambda f: (f.distance - p.gain * min(f.size, p.most_gain), f.x, f.y))
+        found.append(Frontier(x, y, size, Pose2D(gx, gy, yaw), way, tight=tight, cells=cells))
+    return sorted(
+        found, key=lambda f: (f.goal is None, f.tight, f.distance - p.gain * min(f.size, p.most_gain), f.x, f.y)
+    )

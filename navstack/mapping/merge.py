@@ -13,6 +13,7 @@ from scipy import fft, ndimage, optimize
 from navstack.core import GridGeometry, InputError, OccupancyGrid, Transform2D, angle_between
 from navstack.mapping.edit import cell_centers, grid_axes, resample, wall_direction
 
+_image: Any = ndimage  # its stubs do not know what most functions return
 _COARSE_CELLS: Final = 250
 """The search of all poses takes maps of at most this many cells on a side, or cells of 0.1 m."""
 _STEP_RAD: Final = math.radians(3.0)
@@ -147,7 +148,7 @@ class _Walls:
         self.axes = grid_axes(grid).inverse()
         iy, ix = np.nonzero(grid.data == 100)
         self.points = cell_centers(grid, iy, ix)
-        self.distance = np.asarray(ndimage.distance_transform_edt(grid.data != 100)) * grid.geometry.resolution
+        self.distance = np.asarray(_image.distance_transform_edt(grid.data != 100)) * grid.geometry.resolution
         self.reach = max(_REACH_M, 1.5 * grid.geometry.resolution)
 
     def look_up(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -158,7 +159,7 @@ class _Walls:
         inside = (ix >= 0) & (iy >= 0) & (ix < g.nx) & (iy < g.ny)
         distance, free = np.full(len(points), np.inf), np.zeros(len(points), bool)
         # between the centers of the cells, so that equal cells of both maps fall onto each other exactly
-        distance[inside] = ndimage.map_coordinates(self.distance, cells[inside, ::-1].T - 0.5, order=1, mode="nearest")
+        distance[inside] = _image.map_coordinates(self.distance, cells[inside, ::-1].T - 0.5, order=1, mode="nearest")
         free[inside] = self.grid.data[iy[inside], ix[inside]] == 0
         return distance, free
 
@@ -189,7 +190,7 @@ class _Pair:
         def pose(change: NDArray[np.float64]) -> Transform2D:
             # turned about the middle of the walls, so that position and heading do not depend on each other
             dx, dy, turn = change.tolist()
-            around = Transform2D(*middle.tolist(), 0.0)
+            around = Transform2D(float(middle[0]), float(middle[1]), 0.0)
             return start @ around @ Transform2D(dx, dy, turn) @ around.inverse()
 
         def badness(change: NDArray[np.float64], sigma: float) -> float:
@@ -218,9 +219,9 @@ class _Pair:
         found: list[tuple[float, Transform2D]] = []
         for yaw in self._headings():
             turned = _Coarse.of(self.second, Transform2D(0.0, 0.0, yaw), cell)
-            size = [fft.next_fast_len(a + b) for a, b in zip(fixed.walls.shape, turned.walls.shape, strict=True)]
+            size: Any = [fft.next_fast_len(a + b) for a, b in zip(fixed.walls.shape, turned.walls.shape, strict=True)]
 
-            def transformed(image: NDArray[np.float32], size: list[int] = size) -> Any:
+            def transformed(image: NDArray[np.float32], size: Any = size) -> Any:
                 return fft.rfft2(image, size)
 
             spectrum = transformed(fixed.gain) * np.conj(transformed(turned.walls))
@@ -279,7 +280,7 @@ class _Coarse:
             return np.bincount(at[:, 1] * nx + at[:, 0], minlength=nx * ny).reshape(ny, nx) > 0
 
         wall = counted(occupied)
-        near = ndimage.binary_dilation(wall)
+        near = _image.binary_dilation(wall)
         open_ = counted(free) & ~near
         gain = near.astype(np.float32) - np.float32(_AGAINST) * open_
         return cls(float(low[0]), float(low[1]), wall.astype(np.float32), open_.astype(np.float32), gain)

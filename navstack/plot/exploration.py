@@ -40,16 +40,15 @@ def plot_exploration(
         drawing.draw_occupancy(axes, grid, area=picture.area)
         track = exploration.run.track()[:, 1:3]
         entries: Entries = [(drawing.draw_line(axes, track, colors.DRIVEN, width=1.2, casing=True), "driven")]
-        goals = [
-            (visit.outcome, (visit.frontier.goal.x, visit.frontier.goal.y))
-            for visit in exploration.visits
-            if visit.frontier.goal is not None
-        ]
-        for outcomes, color, label in (
-            (("seen", "reached"), colors.GREEN, "goal, frontier seen"),
-            ((), colors.VERMILLION, "goal that failed"),
+        goals: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
+        for visit in exploration.visits:
+            if visit.frontier.goal is not None:
+                goals[visit.failed].append((visit.frontier.goal.x, visit.frontier.goal.y))
+        for failed, color, label in (
+            (False, colors.GREEN, "goal at a frontier"),
+            (True, colors.VERMILLION, "goal that failed"),
         ):
-            at = np.array([point for outcome, point in goals if (outcome in outcomes) == bool(outcomes)]).reshape(-1, 2)
+            at = np.array(goals[failed]).reshape(-1, 2)
             if len(at):
                 axes.plot(at[:, 0], at[:, 1], "o", ms=4.0, color=color, mec="white", mew=0.6, zorder=6.0)
                 entries.append((disc_handle(color), label))

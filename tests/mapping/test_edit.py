@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,7 +79,8 @@ def test_a_right_angle_moves_every_cell_exactly_and_no_angle_opens_a_wall() -> N
     for degrees in (5.0, 23.0, 45.0, 61.0):
         slanted = rotate(grid, math.radians(degrees))
         # free space inside the walls and unknown space outside never touch
-        labels, _ = label(slanted.data != 100)
+        found: Any = label(slanted.data != 100)
+        labels = found[0]
         inside = np.unique(labels[slanted.data == 0])
         outside = labels[0, 0]
         assert slanted.data[0, 0] == -1
@@ -91,7 +93,7 @@ def test_a_map_without_walls_has_no_direction() -> None:
     noise = np.where(np.random.default_rng(0).random((80, 80)) < 0.1, 100, 0).astype(np.int8)
     for data in (noise, np.zeros((30, 30), np.int8)):
         with pytest.raises(InputError, match="no direction of walls stands out"):
-            wall_direction(OccupancyGrid(data, GridGeometry(*data.shape[::-1], 0.1, 0.0, 0.0)))
+            wall_direction(OccupancyGrid(data, GridGeometry(data.shape[1], data.shape[0], 0.1, 0.0, 0.0)))
 
 
 def test_specks_and_holes() -> None:

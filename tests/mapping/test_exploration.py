@@ -31,7 +31,7 @@ def costmap_of(grid: OccupancyGrid, inflated: int = 2) -> Costmap:
     from scipy.ndimage import binary_dilation
 
     data = np.where(grid.data == 100, 254, np.where(grid.data == -1, 255, 0)).astype(np.uint8)
-    near = binary_dilation(grid.data == 100, iterations=inflated) & (data < 253)
+    near = np.asarray(binary_dilation(grid.data == 100, iterations=inflated), bool) & (data < 253)
     data[near] = 253
     return Costmap(grid.geometry, data)
 
@@ -80,6 +80,9 @@ def test_a_goal_keeps_the_room_to_turn_where_there_is_some() -> None:
         iy, ix = np.nonzero(posted.data == 100)
         away = np.hypot((ix + 0.5) * 0.1 - 1.0 - frontier.goal.x, (iy + 0.5) * 0.1 + 2.0 - frontier.goal.y).min()
         assert away > max(radius, 0.2)
+        assert not frontier.tight
+    narrow = find_frontiers(posted, costmap_of(posted), Pose2D(0.0, 4.0), turning_radius=2.5)[0]
+    assert narrow.goal is not None and narrow.tight
 
 
 def test_what_is_no_frontier_and_what_cannot_be_reached() -> None:
