@@ -123,7 +123,9 @@ class TrafficRule(ABC):
         )
         whole = line.length - begin
         steps = max(1, math.ceil(whole / self.params.path_density))
-        points = shapely.get_coordinates(shapely.line_interpolate_point(line, begin + np.linspace(0.0, whole, steps + 1)))
+        points = shapely.get_coordinates(
+            shapely.line_interpolate_point(line, begin + np.linspace(0.0, whole, steps + 1))
+        )
         poses = np.zeros((len(points), 3))
         poses[:, :2] = points
         moves = np.diff(points, axis=0)
@@ -212,8 +214,12 @@ class _GraphTraffic(TrafficRule):
         self._edge: dict[tuple[int, int], int] = {}
         for edge, pair in enumerate(zip(starts.tolist(), ends.tolist())):
             self._edge.setdefault(pair, edge)
-        self._groups_of_edge = {edge: _groups(data) for edge, data in self._graph.edge_metadata.items() if "mutex" in data}
-        self._groups_of_node = {node: _groups(data) for node, data in self._graph.node_metadata.items() if "mutex" in data}
+        self._groups_of_edge = {
+            edge: _groups(data) for edge, data in self._graph.edge_metadata.items() if "mutex" in data
+        }
+        self._groups_of_node = {
+            node: _groups(data) for node, data in self._graph.node_metadata.items() if "mutex" in data
+        }
 
     def update(self, now: float, reports: Iterable[RobotReport]) -> dict[str, Grant]:
         """Take the reports, grant what is free, and return all grants by the names of the robots."""
@@ -386,7 +392,10 @@ class _GraphTraffic(TrafficRule):
                 need = now_m
             line = other.edges[near]
             found[name] = f"edge {int(self._graph.edge_ids[line])}" if line >= 0 else f"node {self._id(other.end)}"
-            if not other.report.active or shapely.distance(self._lines[edge], self._points[other.end]) < need - _EPSILON:
+            if (
+                not other.report.active
+                or shapely.distance(self._lines[edge], self._points[other.end]) < need - _EPSILON
+            ):
                 hard.append(name)
         return found, tuple(hard)
 
@@ -404,7 +413,8 @@ class _GraphTraffic(TrafficRule):
         behind = self._groups_of_node.get(robot.route[0], none)
         if (
             behind
-            and math.hypot(*(self._xy[robot.route[0]] - robot.report.pose[:2])) < 2.0 * robot.report.radius + self.params.margin
+            and math.hypot(*(self._xy[robot.route[0]] - robot.report.pose[:2]))
+            < 2.0 * robot.report.radius + self.params.margin
         ):
             held |= behind
         return held, at_end
@@ -751,7 +761,9 @@ class Pibt(_GraphTraffic):
         first_hard: tuple[str, ...] = ()
         for edge in edges:
             if any(
-                claim >= 0 and self._claimed(robot, edge, name, claim) for name, claim in decided.items() if name != robot.name
+                claim >= 0 and self._claimed(robot, edge, name, claim)
+                for name, claim in decided.items()
+                if name != robot.name
             ):
                 continue
             blockers, hard = self._conflicts(robot, edge)
@@ -833,7 +845,9 @@ def make_rule(name: str, graph: RouteGraph | None = None, params: TrafficParams 
 
 def _checked(graph: RouteGraph | None, name: str) -> RouteGraph:
     if graph is None:
-        raise InputError(f'the traffic rule "{name}" needs a route graph; give one (traffic: graph: FILE.geojson), or use "none"')
+        raise InputError(
+            f'the traffic rule "{name}" needs a route graph; give one (traffic: graph: FILE.geojson), or use "none"'
+        )
     return graph
 
 
@@ -865,7 +879,9 @@ class Communication:
         if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0):
             raise InputError(f"the delay of the communication is {self.delay_s} s; write 0 or more", value=self.delay_s)
         if not 0.0 <= self.dropout <= 1.0:
-            raise InputError(f"the dropout of the communication is {self.dropout}; write a share, 0 to 1", value=self.dropout)
+            raise InputError(
+                f"the dropout of the communication is {self.dropout}; write a share, 0 to 1", value=self.dropout
+            )
 
     def arrives(self, name: str, direction: str, number: int) -> bool:
         """Return whether message `number` of a robot gets through."""
