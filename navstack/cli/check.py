@@ -13,6 +13,7 @@ from rich.markup import escape
 from navstack.cli import options
 from navstack.cli.output import print_json, print_note, stdout
 from navstack.core import InputError, is_file
+from navstack.fleet import is_fleet_file, shipped_fleets
 from navstack.parameters import check_parameters, fix_keys, packaged_sets
 from navstack.scenario import is_scenario_file, shipped_scenarios
 
@@ -111,6 +112,11 @@ def _print_fixes(fixes: KeyFixes, *, diff: bool) -> None:
 
 
 def _findings(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> list[Finding]:
+    fleet = _fleet(params[0]) if len(params) == 1 else None
+    if fleet is not None:
+        from navstack.fleet import check_fleet
+
+        return check_fleet(fleet)
     file = _scenario(params[0]) if len(params) == 1 else None
     if file is not None:
         from navstack.scenario import check_scenario  # takes 0.15 s: only for scenarios
@@ -132,6 +138,14 @@ def _print(findings: list[Finding]) -> None:
             out.print(f"    [dim]->[/] {escape(f.suggestion)}")
     counts = [(sum(f.severity == severity for f in findings), severity) for severity in SEVERITY_STYLE]
     out.print(", ".join(f"{n} {severity}{'' if n == 1 else 's'}" for n, severity in counts))
+
+
+def _fleet(name: str) -> Path | None:
+    """The fleet file of that path, or the packaged fleet of that name; None if the name means something else."""
+    path = Path(name)
+    if is_file(path):
+        return path if is_fleet_file(path) else None
+    return None if name in packaged_sets() else shipped_fleets().get(name)
 
 
 def _scenario(name: str) -> Path | None:

@@ -14,13 +14,16 @@ import typer
 
 from navstack.cli import options
 from navstack.cli.arguments import map_of, scenario_file
+from navstack.cli.fleet import fleet_file
 from navstack.cli.output import loading_kernels, print_note, stdout
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import InputError, require
 from navstack.explain import replay
+from navstack.fleet import is_of_fleet, read_fleet, warm_up_fleet
 from navstack.live import (
     COMPILING,
     MAX_SPEED,
+    FleetSession,
     FoxgloveServer,
     Gate,
     GraphEditor,
@@ -127,6 +130,9 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> tuple[Callable[[
                 return Stage([_recorded(record, speed)], Options(live.save_to, fixed=True, labels=("",)))
 
         return recorded, float(record.times[-1])
+    fleet = fleet_file(chosen.map_)
+    if fleet is not None:
+        return _fleet(chosen, fleet, live), None
     opened = [_open(chosen)]
     if live.versus:
         opened.append(_open(chosen._replace(params=live.versus)))
@@ -145,10 +151,31 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> tuple[Callable[[
     return prepare, None
 
 
+def _fleet(chosen: ScenarioOptions, file: Path, live: LiveOptions) -> Callable[[Report], Stage]:
+    """Returns a function that starts the session of a fleet."""
+    if live.versus or live.graph is not None:
+        raise InputError("--versus and --graph are for one robot; leave them out with a fleet")
+    fleet = read_fleet(file).build(
+        params=chosen.params or None, overrides=chosen.set_, distro=chosen.distro, seed=chosen.seed
+    )
+    speed = _speed(live.speed)
+
+    def prepare(report: Report) -> Stage:
+        planners = {name: None for robot in fleet.robots for name in robot.scenario.configuration.planner_names}
+        with loading_kernels(tuple(planners), progress=partial(report, COMPILING)):
+            report("loading the kernels", 0, 0)
+            warm_up_fleet(fleet)
+        return Stage([FleetSession(fleet, speed=speed)], Options(live.save_to))
+
+    return prepare
+
+
 def _recorded(record: Record, speed: float | None) -> Session:
     """A session of a recorded run, which is simulated or replayed again. Raises RecordError if that gives another run."""
     if is_of_log(record):
         return LoggedSession(record, speed=speed)
+    if is_of_fleet(record):
+        raise InputError("this is the record of a robot of a fleet; open the fleet file, or explain the record")
     replay(record)
     session = Session(Scenario.from_record(record), speed=speed)
     session.end = float(record.times[-1])

@@ -14,7 +14,17 @@ from navstack.cli.options import file_in
 from navstack.cli.output import counting_bar, print_files, print_json
 from navstack.core import InputError, is_file
 from navstack.map_io import map_names
-from navstack.plot import animate_run, plot_commands, plot_estimate, plot_map, plot_run, plot_steering
+from navstack.plot import (
+    animate_fleet,
+    animate_run,
+    fleet_records,
+    plot_commands,
+    plot_estimate,
+    plot_fleet,
+    plot_map,
+    plot_run,
+    plot_steering,
+)
 from navstack.record import Record
 from navstack.scenario import load_places
 
@@ -54,7 +64,7 @@ def plot(
         str,
         typer.Argument(
             metavar="RUN|MAP.yaml",
-            help="Folder of a recorded run, or its run.npz; or a map, by its file or packaged name. [default: the last run]",
+            help="Folder of a recorded run or fleet, or a run.npz; or a map (file or packaged name). [default: the last run]",
             default_factory=lambda: str(last_run()),
             show_default=False,
         ),
@@ -90,6 +100,11 @@ def plot(
         files = {"picture": str(_draw_map(source, out))}
         print_json({"files": files}) if json_ else print_files(files)
         return
+    if run.is_dir() and not (run / "run.npz").exists():
+        robots = fleet_records(run)
+        if robots:
+            _plot_fleet(robots, run, out, animation or (run / "fleet.gif" if animate else None), speed, json_=json_)
+            return
     record = Record.load(run)
     folder = run if run.is_dir() else run.parent
     picture = file_in("run.png")(out) or folder / "run.png"
@@ -104,6 +119,17 @@ def plot(
         print_json({"files": files})
     else:
         print_files(files)
+
+
+def _plot_fleet(
+    robots: dict[str, Record], folder: Path, out: Path | None, movie: Path | None, speed: float, *, json_: bool
+) -> None:
+    files = {"picture": str(plot_fleet(robots, file_in("fleet.png")(out) or folder / "fleet.png"))}
+    if movie is not None:
+        with counting_bar("drawing", quiet=json_) as progress:
+            animate_fleet(robots, movie, speed=speed, progress=progress)
+        files["animation"] = str(movie)
+    print_json({"files": files}) if json_ else print_files(files)
 
 
 def _draw_others(

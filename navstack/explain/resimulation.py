@@ -10,6 +10,7 @@ import numpy as np
 
 from navstack.core import InputError, Pose2D, RecordError, Transform2D
 from navstack.costmap import LayeredCostmap
+from navstack.fleet import is_of_fleet, replay_member
 from navstack.record import Record
 from navstack.replay import LogReplay, is_of_log, replay_of_log
 from navstack.scenario import Run, Scenario
@@ -89,6 +90,8 @@ def _again(record: Record) -> Replayed:
     """Return the run before the first cycle of the record."""
     if record.resume is not None:
         return record.resume()
+    if is_of_fleet(record):
+        return replay_member(record)
     return replay_of_log(record) if is_of_log(record) else Run(Scenario.from_record(record))
 
 

@@ -1,8 +1,24 @@
-"""Fleets: many robots in one world, and the traffic between them."""
+"""Fleets: many robots in one world, each with its own move_base, and the traffic between them."""
 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.fleet.drive import GuidedDrive as GuidedDrive
+    from navstack.fleet.file_reader import check_fleet as check_fleet
+    from navstack.fleet.file_reader import load_fleet as load_fleet
+    from navstack.fleet.file_reader import read_fleet as read_fleet
+    from navstack.fleet.fleet import Fleet as Fleet
+    from navstack.fleet.fleet import FleetRobot as FleetRobot
+    from navstack.fleet.fleet import is_of_fleet as is_of_fleet
+    from navstack.fleet.fleet import make_fleet as make_fleet
+    from navstack.fleet.recognition import is_fleet_file as is_fleet_file
+    from navstack.fleet.recognition import shipped_fleets as shipped_fleets
+    from navstack.fleet.run import FleetResult as FleetResult
+    from navstack.fleet.run import FleetRun as FleetRun
+    from navstack.fleet.run import MemberRun as MemberRun
+    from navstack.fleet.run import replay_member as replay_member
+    from navstack.fleet.run import run_fleet as run_fleet
+    from navstack.fleet.run import warm_up_fleet as warm_up_fleet
     from navstack.fleet.traffic import Communication as Communication
     from navstack.fleet.traffic import Grant as Grant
     from navstack.fleet.traffic import RobotReport as RobotReport

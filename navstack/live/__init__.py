@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from navstack.live.checkpoints import Origin as Origin
+    from navstack.live.fleet import FleetSession as FleetSession
     from navstack.live.foxglove import FoxgloveServer as FoxgloveServer
     from navstack.live.graph import GraphEditor as GraphEditor
     from navstack.live.logged import LoggedSession as LoggedSession

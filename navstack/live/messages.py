@@ -230,6 +230,13 @@ class GoOn(_Request):
     duration: Annotated[float, Field(gt=0.0, le=3600.0)] = 60.0
 
 
+class SelectRobot(_Request):
+    """Show another robot of a fleet; goals are for it from now on."""
+
+    type: Literal["robot"]
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+
+
 class Pause(_Request):
     """Stop or continue the time."""
 
@@ -363,6 +370,7 @@ Request = Annotated[
     | DriveToNode
     | Clear
     | GoOn
+    | SelectRobot
     | Pause
     | Step
     | Speed

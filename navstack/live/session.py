@@ -322,6 +322,15 @@ class Session:
         return self.twin().save_scenario(path)
 
     @property
+    def robots(self) -> tuple[str, ...]:
+        """The names of the robots of a fleet; none for a robot alone."""
+        return ()
+
+    def select(self, name: str) -> None:
+        """Show another robot of a fleet. Raises InputError: a robot alone is always shown."""
+        raise InputError(f'there is no robot "{name}": only one robot drives here', robot=name)
+
+    @property
     def explained(self) -> Replayed:
         """What explanations of the present look at."""
         return self.run

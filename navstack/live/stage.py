@@ -42,6 +42,7 @@ from navstack.explain import (
     print_goal,
     print_passages,
 )
+from navstack.fleet import MemberRun
 from navstack.live import messages, parameters
 from navstack.live.cards import (
     Explanation,
@@ -307,6 +308,9 @@ class Stage:
                 text, data = parameters.difference(self._session_of(request)), None
             case messages.Save():
                 text, data = self._save(request)
+            case messages.SelectRobot():
+                self.main.select(request.name)
+                text, data = "", None
             case messages.Graph():
                 text, data = "", self.graph.data()
             case messages.CheckGraph():
@@ -561,6 +565,8 @@ def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
         "graph": stage.graph.data() if stage.options.graph is not None else None,
         "docks": list(DockDatabase.of(session.scenario.configuration).docks),
         "labels": list(stage.options.labels),
+        "robots": list(session.robots),
+        "robot": session.run.name if isinstance(session.run, MemberRun) else None,
         "camera": has_camera(robot),
         "read_only": read_only,
         "fixed": stage.options.fixed,

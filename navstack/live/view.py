@@ -450,7 +450,7 @@ class SessionView:
     def _add_moving(self, entries: dict[str, Any]) -> None:
         """Adds where the moving obstacles are now."""
         world, solids = self.session.run.robot.world, self.session.run.robot.solids
-        if not world.moves:
+        if not self.session.run.robot.moves:
             return
         entries["discs"] = [
             [world.name_of("disc", k), *_rounded(disc, 3)]
@@ -458,7 +458,7 @@ class SessionView:
             if disc[0] == disc[0]  # absent ones have no position
         ]
         entries["polygons"] = [
-            [world.name_of("polygon", k), *_rounded(solids.polygon(k).ravel().tolist(), 3)]
+            [self.session.run.robot.polygon_name(k), *_rounded(solids.polygon(k).ravel().tolist(), 3)]
             for k in range(len(solids.circles))
         ]
 

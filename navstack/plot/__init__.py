@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from navstack.plot.docking import plot_docking as plot_docking
     from navstack.plot.fan import plot_command as plot_command
     from navstack.plot.film import animate_run as animate_run
+    from navstack.plot.fleet import animate_fleet as animate_fleet
+    from navstack.plot.fleet import fleet_records as fleet_records
+    from navstack.plot.fleet import plot_fleet as plot_fleet
     from navstack.plot.goals import plot_goal_reports as plot_goal_reports
     from navstack.plot.inflation import plot_inflation_curves as plot_inflation_curves
     from navstack.plot.lattice import plot_lattice as plot_lattice

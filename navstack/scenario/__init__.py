@@ -12,9 +12,11 @@ if TYPE_CHECKING:
     from navstack.scenario.barn import barn_map as barn_map
     from navstack.scenario.barn import barn_spec as barn_spec
     from navstack.scenario.barn import load_worlds as load_worlds
+    from navstack.scenario.file_reader import ReadContext as ReadContext
     from navstack.scenario.file_reader import check_scenario as check_scenario
     from navstack.scenario.file_reader import check_unique_names as check_unique_names
     from navstack.scenario.file_reader import load_scenario as load_scenario
+    from navstack.scenario.file_reader import read_part as read_part
     from navstack.scenario.file_reader import read_scenario as read_scenario
     from navstack.scenario.file_reader import scenarios_in as scenarios_in
     from navstack.scenario.file_writer import scenario_text as scenario_text
@@ -40,6 +42,8 @@ if TYPE_CHECKING:
     from navstack.scenario.run import warm_up as warm_up
     from navstack.scenario.scenario import Scenario as Scenario
     from navstack.scenario.spec import ScenarioSpec as ScenarioSpec
+    from navstack.scenario.spec import check_start_on_map as check_start_on_map
+    from navstack.scenario.spec import scenario_error as scenario_error
     from navstack.scenario.spec import single_goal_spec as single_goal_spec
     from navstack.scenario.steps import EXAMPLES as EXAMPLES
     from navstack.scenario.steps import Step as Step

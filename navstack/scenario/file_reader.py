@@ -92,14 +92,19 @@ POSE_FORMAT = "[x, y], [x, y, yaw] (m, rad) or the name of a place"
 class ReadContext:
     """Reads one file: `findings` are its errors and notes, `spec` its contents."""
 
-    def __init__(self, path: Path, shown: str | None = None) -> None:
-        """`shown` is the file name in messages."""
+    def __init__(self, path: Path, shown: str | None = None, root: DictNode | None = None) -> None:
+        """`shown` is the file name in messages; `root` replaces the contents of the file."""
         self.path = path
         self.shown = shown or str(path)
-        read = read_yaml(path, self.shown)
-        self.root = read.root
-        self.findings: list[Finding] = [_duplicates_as_errors(f) for f in read.findings]
-        self.readable = not any(f.severity == "error" for f in read.findings)
+        self.is_part = root is not None
+        """True for a part of a file, which may have no goals."""
+        self.findings: list[Finding] = []
+        if root is None:
+            read = read_yaml(path, self.shown)
+            root = read.root
+            self.findings += [_duplicates_as_errors(f) for f in read.findings]
+        self.root = root
+        self.readable = not any(f.severity == "error" for f in self.findings)
         self.spec = ScenarioSpec(path=path)
         """The scenario, as far as it could be read."""
         self.places_file: Places | None = None
@@ -226,7 +231,7 @@ def read_start_and_goals(context: ReadContext) -> None:
     if start is not None:
         spec.start_location = start.at
         spec.values["start"] = context.pose(start, "start")
-    elif places is not None and places.start_pose is not None:
+    elif places is not None and places.start_pose is not None and not context.is_part:
         spec.start_location = context.root.at
         spec.values["start"] = places.start_pose
     else:
@@ -238,6 +243,8 @@ def read_start_and_goals(context: ReadContext) -> None:
         _read_goals(context, goals[1])
     elif tour is not None:
         _read_tour(context, tour[1])
+    elif context.is_part:
+        spec.values["goals"] = ()
     elif places is not None and places.goal_names:
         names = places.goal_names
         spec.values["steps"] = places.steps
@@ -250,8 +257,8 @@ def read_start_and_goals(context: ReadContext) -> None:
 
 
 def _read_goals(context: ReadContext, node: Node) -> None:
-    if isinstance(node, ListNode) and not node.items and "interactions" in context.root.items:
-        return  # a person gives the goals
+    if isinstance(node, ListNode) and not node.items and ("interactions" in context.root.items or context.is_part):
+        return  # somebody gives the goals
     if not isinstance(node, ListNode) or not node.items:
         problem = "is empty" if isinstance(node, ListNode) else f"is {describe(node)}"
         context.error("wrong-type", node.at, "goals", f"goals {problem}; write a list of {POSE_FORMAT}")
@@ -703,6 +710,23 @@ def read_file(path: Path, shown: str | None = None) -> ReadContext:
     if not context.readable:
         return context
     root = context.root
+    if "robots" in root.items:
+        message = "this file describes a fleet of robots; drive it with navstack simulate, or navstack.fleet.load_fleet"
+        context.error("wrong-value", root.items["robots"][0], "robots", message)
+        return context
+    _read_sections(context)
+    return context
+
+
+def read_part(path: Path, shown: str, root: DictNode) -> ReadContext:
+    """Reads a scenario from a part of a file that describes several; it may have no goals."""
+    context = ReadContext(path, shown, root)
+    _read_sections(context)
+    return context
+
+
+def _read_sections(context: ReadContext) -> None:
+    root = context.root
     unknown = {key: value for key, value in root.items.items() if key not in Settings.RENAMED}
     context.check_keys(DictNode(unknown, root.at), _KEYS, "a scenario", _KEY_SYNONYMS)
     names = (*Settings.model_fields, *Settings.RENAMED)
@@ -721,7 +745,6 @@ def read_file(path: Path, shown: str | None = None) -> ReadContext:
     read_interactions(context)
     read_low_battery(context)
     read_success(context)
-    return context
 
 
 def scenarios_in(folder: Path) -> list[ScenarioSpec]:

@@ -52,7 +52,7 @@ class GoalSequence:
 
     def __init__(
         self,
-        goals: Sequence[Pose2D | Step],
+        goals: Sequence[Pose2D | Step | Behavior],
         robot: SimulatedRobot,
         measurements: RunMeasurements,
         *,
@@ -69,7 +69,7 @@ class GoalSequence:
 
         `time_limit_s` is that of a goal or motion: it is aborted then, as by `navstack/goal_time_limit`.
         """
-        self.waiting: list[Pose2D | Step] = list(goals)
+        self.waiting: list[Pose2D | Step | Behavior] = list(goals)
         self.loop = False
         """Append each goal again when it is sent."""
         self.under_way: list[SentGoal] = []
@@ -121,11 +121,11 @@ class GoalSequence:
         self.pause_until = self._robot.time
         self.urgent = step.pose if isinstance(step, GoToStep) else step
 
-    def check(self, step: Pose2D | Step) -> None:
+    def check(self, step: Pose2D | Step | Behavior) -> None:
         """Raises the error of a step that this robot cannot do."""
         if isinstance(step, DockStep):
             self._docks.type_of(self._docks.dock(step.dock))
-        elif not isinstance(step, (Pose2D, GoToStep, UndockStep)):
+        elif not isinstance(step, (Pose2D, GoToStep, UndockStep, Behavior)):
             self._make_motion(step)
 
     def pass_on(self, move_base: MoveBase) -> SentGoal | None:
@@ -140,7 +140,7 @@ class GoalSequence:
         self._passed.add(current.index)
         return self.send_next(move_base)
 
-    def send(self, goal: Pose2D | Step, move_base: MoveBase) -> SentGoal:
+    def send(self, goal: Pose2D | Step | Behavior, move_base: MoveBase) -> SentGoal:
         """Sends a goal, which replaces the one under way, or starts a motion."""
         at = (self._robot.time, self._measurements.path_length)
         if isinstance(goal, Pose2D):
@@ -150,6 +150,8 @@ class GoalSequence:
             task = self._make_task(goal)
             task.start()
             sent = SentGoal(self._sent, None, task, step_text(goal), *at)
+        elif isinstance(goal, Behavior):
+            sent = SentGoal(self._sent, None, move_base.motions.start(goal), goal.name, *at)
         else:
             sent = SentGoal(self._sent, None, move_base.motions.start(self._make_motion(goal)), step_text(goal), *at)
         self._sent += 1

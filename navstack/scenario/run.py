@@ -114,7 +114,7 @@ def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spoo
         spool=spool,
     )
     solids = robot.solids
-    if not robot.world.moves and (scenario.shapes or scenario.dock_shapes):
+    if not robot.moves and (scenario.shapes or scenario.dock_shapes):
         recorder.solids(solids.discs, solids.corners, solids.first)
     return recorder
 
@@ -125,7 +125,7 @@ def record_tick(
     """Adds what the last tick did to the record; `solids` are the names of the obstacles once they have changed."""
     t = move_base.last_tick.time
     record_tick_outputs(recorder, move_base)
-    if robot.world.moves or solids is not None:
+    if robot.moves or solids is not None:
         recorder.solids(robot.solids.discs, robot.solids.corners, robot.solids.first, solids)
     localizer = robot.estimation.localizer
     if localizer is not None:
@@ -178,17 +178,20 @@ class Run:
         measure: bool = True,
         timings: bool | Timings = False,
         listeners: Sequence[Listener] = (),
+        robot: SimulatedRobot | None = None,
+        items: Sequence[Pose2D | Step | Behavior] | None = None,
     ) -> None:
         """`record=False` keeps only what the metrics need, `scans=False` all but the scans. `spool`: folder in which the
         record grows instead of in memory. `timings` measures the time of
         both planners, into the given `Timings` or by the wall clock. With `measure=False` there are no metrics either, and the
-        memory does not grow with the run.
+        memory does not grow with the run. `robot`: the scenario's robot, if it exists already and others advance it; then call
+        `begin_cycle` and `end_cycle` instead of `step`. `items` are driven instead of those of the scenario.
         """
         configuration = scenario.configuration
-        items = scenario.items
+        items = scenario.items if items is None else items
         scenario.success.check_goals(len(items))
         self.scenario = scenario
-        self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
+        self.robot = robot or simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
         self._measurements = RunMeasurements(self.robot, keep=measure)
         self.recorder = new_recorder(scenario, self.robot, scans=scans, spool=spool) if record else None
         if self.recorder is not None:
@@ -241,6 +244,7 @@ class Run:
         """Times of the collisions into which the robot drove backward (s)."""
         self._unrecorded: deque[SentGoal] = deque()
         self._idle_cycles = 0
+        self._cycle_began, self._drove_backward = 0.0, False
         self.done = False
         """True when every goal has ended and the interactions have had their effect."""
         # times are sums of floats: a difference below this is rounding and must not cause an extra physics step
@@ -258,6 +262,15 @@ class Run:
 
     def step(self) -> bool:
         """Runs one control cycle: advances the world to its time, then ticks move_base. Returns False when done."""
+        due = self.begin_cycle()
+        if due is None:
+            return False
+        self.robot.advance_to(due)
+        self.end_cycle()
+        return True
+
+    def begin_cycle(self) -> float | None:
+        """Carries out what is due between two cycles; returns the time (s) of the next cycle, None when the run is done."""
         self._settle()
         robot, move_base, goals = self.robot, self.move_base, self.goals
         due = math.inf
@@ -267,7 +280,7 @@ class Run:
             elif not self._send_next_goal():
                 if not self._upcoming and robot.time >= self._goes_on_until:
                     self._finish()
-                    return False
+                    return None
                 due = robot.time + LONGEST_IDLE_S
         self.done = False
         if robot.by_hand is not None:
@@ -277,14 +290,18 @@ class Run:
             due = min(due, robot.time + LONGEST_IDLE_S)
         if self.interventions.repeat_teleop():
             due = min(due, robot.time + DRIVING_S)
-        before, backward = robot.time, robot.state().velocity.vx < BACKWARD_M_S
-        robot.advance_to(min(due, move_base.next_due(before)))
-        self._note_collisions(backward=backward)
+        self._cycle_began, self._drove_backward = robot.time, robot.state().velocity.vx < BACKWARD_M_S
+        return min(due, move_base.next_due(robot.time))
+
+    def end_cycle(self) -> None:
+        """Ticks move_base at the robot's time, which is that of `begin_cycle` unless something happened before."""
+        robot, move_base, goals = self.robot, self.move_base, self.goals
+        self._note_collisions(backward=self._drove_backward)
         move_base.tick(robot.time)
         goals.advance_tasks(move_base)
         if self.timings is not None:
             self.timings.add(move_base.last_tick)
-        self._idle_cycles = self._idle_cycles + 1 if robot.time == before else 0
+        self._idle_cycles = self._idle_cycles + 1 if robot.time == self._cycle_began else 0
         if self._idle_cycles > MAX_IDLE_CYCLES:
             raise InternalError(
                 f"the run does not advance beyond {robot.time:.3f} s: {MAX_IDLE_CYCLES} consecutive cycles took no "
@@ -300,7 +317,6 @@ class Run:
             names = self.interventions.names_of_solids() if changed else None
             record_tick(self.recorder, robot, move_base, self.goal_index, names)
         goals.end_expired_motion(move_base)
-        return True
 
     def _note_collisions(self, *, backward: bool) -> None:
         """Notes which of the new collisions are with obstacles that the controller's costmap had.
@@ -347,14 +363,27 @@ class Run:
         self._goes_on_until = max(self._goes_on_until, effect_ends(item))
         self.goals.finish_ended()
 
-    def stop(self) -> None:
-        """Ends the run: cancels the current goal, stops the robot and finishes the record."""
+    def add_goal(self, goal: Pose2D | Step | Behavior) -> None:
+        """Appends a goal; a run that is done goes on. Raises the error of a step that this robot cannot do."""
+        self.goals.check(goal)
+        self.goals.finish_ended()
+        if self.done and self.recorder is not None:
+            self._measure_for(self.recorder)
+        self.goals.waiting.append(goal)
+        self.done = False
+
+    def abandon(self) -> None:
+        """Cancels what is under way and drops the waiting goals: the run is done as soon as that has ended."""
         self._upcoming.clear()
         self._goes_on_until = -math.inf
         self.goals.skip_waiting()
-        under_way = self.goals.under_way
-        for sent in under_way:
+        for sent in self.goals.under_way:
             sent.cancel(self.move_base)
+
+    def stop(self) -> None:
+        """Ends the run: cancels the current goal, stops the robot and finishes the record."""
+        under_way = self.goals.under_way
+        self.abandon()
         while not all(sent.handle.is_done for sent in under_way):
             self.step()
         self.goals.finish_ended()

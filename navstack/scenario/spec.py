@@ -117,12 +117,14 @@ class ScenarioSpec:
         goals: Sequence[Pose2D] | None = None,
         obstacles: Sequence[tuple[float, float, float]] = (),
         shapes: Sequence[Shape] = (),
+        configuration: Configuration | None = None,
     ) -> Scenario:
         """Builds the scenario; the arguments replace the values of the file.
 
         `params` replace the file's `params:`; its `set:` and `sim:` override them, and `overrides` (`NAME=VALUE`) override
         everything. `obstacles` (x, y, radius in m) and `shapes` are added to those of the file. `seed` also determines the
-        order of a random tour. `allow_missing` omits layers and plugins that are not installed.
+        order of a random tour. `allow_missing` omits layers and plugins that are not installed. `configuration`: the parameters,
+        if they are loaded already.
 
         Raises MapError, ParameterError or InputError.
         """
@@ -132,12 +134,13 @@ class ScenarioSpec:
             raise InputError(f"time_limit_s is {time_limit_s:g} s; it must be above 0 s", time_limit_s=time_limit_s)
         assert self.start is not None
         sources = [*(self.sources if params is None else params), *self.overlays]
-        configuration = load_configuration(
-            sources,
-            overrides=overrides,
-            distro=distro or self.distro,
-            allow_missing=allow_missing or self.allow_missing,
-        )
+        if configuration is None:
+            configuration = load_configuration(
+                sources,
+                overrides=overrides,
+                distro=distro or self.distro,
+                allow_missing=allow_missing or self.allow_missing,
+            )
         values: dict[str, Any] = {**self.values, "name": self.name, "shapes": (*self.shapes, *shapes)}
         given: dict[str, Any] = {"seed": seed, "time_limit_s": time_limit_s, "start": start}
         values |= {name: value for name, value in given.items() if value is not None}

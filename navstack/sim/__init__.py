@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from navstack.sim.lidar import Lidar as Lidar
     from navstack.sim.lidar import scan_settings as scan_settings
     from navstack.sim.lidar import sweep as sweep
+    from navstack.sim.lockstep import Lockstep as Lockstep
+    from navstack.sim.lockstep import Nearest as Nearest
     from navstack.sim.movers import Mover as Mover
     from navstack.sim.movers import Track as Track
     from navstack.sim.movers import TrackedDiscs as TrackedDiscs

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from navstack.core import DifferentialDrive, Footprint, MecanumDrive, OmniDrive, Twist2D, WheelDrive, kernel
 from navstack.parameters import MAX_CAR_ANGLE, SimParams
 from navstack.sim.collision import choose_solids, distance_to_solid, find_collision, solid_collision
-from navstack.sim.solids import SolidGeometry
+from navstack.sim.solids import SolidGeometry, place_polygons, polygon_to_polygon
 
 INTEGRATIONS: Final = {"rk2": 0, "exact": 1, "euler": 2}
 """Numbers of the methods in the kernels."""
@@ -551,6 +551,109 @@ def drive(states, settings, footprint, steps, noise, squares, grid, discs, circl
         row[ODOMETRY], row[ODOMETRY + 1], row[ODOMETRY + 2] = state.odom_x, state.odom_y, state.odom_yaw
         row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2] = state.vx, state.vy, state.wz
         row[IN_COLLISION] = max(state.collided, state.overrun)
+    return hits
+
+
+# --- several robots --------------------------------------------------------------------------------------------------
+
+
+class Outlines(NamedTuple):
+    """The footprints of several robots, in their own frames, as `place_polygons` takes them."""
+
+    corners: NDArray[np.float64]
+    """(m, 2) of all footprints, concatenated (m)."""
+    first: NDArray[np.int64]
+    """(n + 1,) index of each footprint's first corner."""
+    centers: NDArray[np.float64]
+    """(n, 3) x, y, radius of a bounding circle of each."""
+
+
+# columns of what is nearest to a robot
+NEAREST_M, NEAREST_ROBOT, NEAREST_STEP = 0, 1, 2
+
+
+@kernel
+def place_bodies(states, settings, outlines):
+    """Corners (m, 2) and bounding circles (n, 3) of the footprints of n robots in the map (m)."""
+    poses = np.empty((states.shape[0], 3))
+    for i in range(states.shape[0]):
+        fixed = settings[i].fixed_yaw
+        poses[i, 0], poses[i, 1] = states[i].x, states[i].y
+        poses[i, 2] = states[i].yaw if math.isnan(fixed) else fixed
+    return place_polygons(outlines.corners, outlines.first, outlines.centers, poses)
+
+
+@kernel
+def note_nearest(bodies, circles, first, nearest, step):
+    """Updates the smallest distance of every robot from another one, which robot that is, and the step: `nearest` (n, 3)."""
+    n = circles.shape[0]
+    for i in range(n):
+        for j in range(i + 1, n):
+            dx, dy = circles[i, 0] - circles[j, 0], circles[i, 1] - circles[j, 1]
+            reach = max(nearest[i, NEAREST_M], nearest[j, NEAREST_M]) + circles[i, 2] + circles[j, 2]
+            if dx * dx + dy * dy >= reach * reach:
+                continue
+            away = polygon_to_polygon(bodies[first[i] : first[i + 1]], bodies[first[j] : first[j + 1]])
+            if away < nearest[i, NEAREST_M]:
+                nearest[i, NEAREST_M], nearest[i, NEAREST_ROBOT], nearest[i, NEAREST_STEP] = away, j, step
+            if away < nearest[j, NEAREST_M]:
+                nearest[j, NEAREST_M], nearest[j, NEAREST_ROBOT], nearest[j, NEAREST_STEP] = away, i, step
+
+
+@kernel
+def drive_together(states, settings, outlines, noise, squares, grid, solids, samples, nearest, step):
+    """Runs the physics steps of n robots together; returns the number of new collisions of each (n,).
+
+    In every step, each robot moves among the others as they were before the step, so that their order does not matter.
+    `states` (n,), `settings` (n,): as in `drive`; `outlines`: the footprints; `noise` (n, steps or 0, 8); `solids`: the
+    `SolidGeometry` of all other obstacles; `samples` (n, steps, SAMPLE_SIZE); `nearest` (n, 3): see `note_nearest`; `step`: the
+    number of the first step. Robots count as solids behind all others, each by its own number.
+    """
+    n, steps = samples.shape[0], samples.shape[1]
+    hits = np.zeros(n, np.int64)
+    still, cornered = solids.circles.shape[0], solids.corners.shape[0]
+    known = solids.discs.shape[0] + still
+    circles = np.empty((still + n, 3))
+    corners = np.empty((cornered + outlines.corners.shape[0], 2))
+    first = np.empty(still + n + 1, np.int64)
+    circles[:still], corners[:cornered], first[: still + 1] = solids.circles, solids.corners, solids.first
+    others = np.empty(n, np.int64)
+    bodies, rounds = place_bodies(states, settings, outlines)
+    for k in range(steps):
+        for i in range(n):
+            count, end = 0, cornered
+            for j in range(n):
+                dx, dy = rounds[j, 0] - states[i].x, rounds[j, 1] - states[i].y
+                far = settings[i].radius + HORIZON + rounds[j, 2]
+                if j == i or dx * dx + dy * dy >= far * far:
+                    continue
+                size = outlines.first[j + 1] - outlines.first[j]
+                circles[still + count] = rounds[j]
+                corners[end : end + size] = bodies[outlines.first[j] : outlines.first[j + 1]]
+                end += size
+                others[count] = j
+                count += 1
+                first[still + count] = end
+            hits[i] += drive(
+                states[i : i + 1],
+                settings[i : i + 1],
+                outlines.corners[outlines.first[i] : outlines.first[i + 1]],
+                1,
+                noise[i, k : k + 1],
+                squares,
+                grid,
+                solids.discs,
+                circles[: still + count],
+                corners[:end],
+                first[: still + count + 1],
+                samples[i, k : k + 1],
+            )
+            for column in (OVERRUN_HIT, DRIVEN_HIT):
+                hit = samples[i, k, column]
+                if hit <= -2 - known:
+                    samples[i, k, column] = -2 - known - others[int(-2 - hit) - known]
+        bodies, rounds = place_bodies(states, settings, outlines)
+        note_nearest(bodies, rounds, outlines.first, nearest, step + k)
     return hits
 
 

@@ -23,13 +23,13 @@ class Collision:
     pose: Pose2D
     """Pose of the robot in the map where it was stopped."""
     kind: str
-    """`map`, `disc` or `polygon`."""
+    """`map`, `disc`, `polygon` or `robot`."""
     index: int
-    """Index of the cell (iy * nx + ix), of the disc or of the polygon."""
+    """Index of the cell (iy * nx + ix), of the disc, of the polygon, or of the robot in its `Lockstep`."""
     at: tuple[float, float]
     """Center of the obstacle in the map (m)."""
     name: str = ""
-    """Name of the shape, if it has one."""
+    """Name of the shape, if it has one, or of the robot."""
 
 
 # --- collision --------------------------------------------------------------------------------------------------------

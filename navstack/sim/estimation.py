@@ -118,6 +118,8 @@ class Localization:
         self._delay_steps = math.ceil(params.localization_delay * self._physics - 1e-9)
         self._delta = Transform2D(-params.delta_x, -params.delta_y, -params.delta_yaw)
         self._shifted = not self._delta.is_identity()
+        self.error = Transform2D()
+        """From the true pose to the one that is taken for it, in the robot's frame."""
         self._update = 0
         self._next_step = 0
         # (step from which it is in force, map -> odom), oldest first
@@ -166,6 +168,8 @@ class Localization:
         return self._current
 
     def _correction(self, truth: Transform2D, odometry: Transform2D) -> Transform2D:
+        if not self.error.is_identity():
+            truth = truth @ self.error
         if self._shifted:
             truth = self._delta @ truth
         if self._noisy:

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,6 +131,28 @@ _body_state: Callable[[list[float]], BodyState] = partial(tuple.__new__, BodySta
 _transform: Callable[[list[float]], Transform2D] = partial(tuple.__new__, Transform2D)  # pyright: ignore[reportAssignmentType]
 
 
+class Group(Protocol):
+    """The robots of one world that advance together (`Lockstep`)."""
+
+    @property
+    def step(self) -> int:
+        """The physics step up to which all bodies have moved."""
+        ...
+
+    @property
+    def has_others(self) -> bool:
+        """True with more than one robot."""
+        ...
+
+    def polygon_name(self, robot: SimulatedRobot, k: int) -> str:
+        """Return the name of polygon `k` of what a robot has around it."""
+        ...
+
+    def robot_hit(self, hit: int, step: int) -> tuple[str, int, float, float] | None:
+        """Return the name, the number and the position of the robot that a result of `find_collision` means; None: no robot."""
+        ...
+
+
 class SimulatedRobot:
     """A body with odometry, sensors and localization in a `World`, and the pedestrians around it.
 
@@ -180,6 +202,7 @@ class SimulatedRobot:
         self._vertices = footprint.vertices.copy()  # writable, as the kernels are compiled for
         self._commands = CommandQueue(params)
         self._by_hand: Twist2D | None = None
+        self._group: Group | None = None
         self._steering = 0.0
         self._noise = DriveNoise(params, seed)
 
@@ -234,16 +257,21 @@ class SimulatedRobot:
         """Seconds since the start: a whole number of physics steps."""
         return self._step / self._frequency
 
+    def step_at(self, time: float) -> int:
+        """Returns the first physics step at or after `time` (s). Raises InputError for a time that is not finite."""
+        if not math.isfinite(time):
+            raise InputError(f"cannot simulate until {time}", time=time)
+        return max(self._step, math.ceil(time * self._frequency - 1e-6))
+
     def advance_to(self, time: float) -> NDArray[np.float64]:
-        """Runs to the first physics step at or after `time` (s).
+        """Runs to the first physics step at or after `time` (s). A robot of a `Lockstep` advances with the others instead.
 
         Returns the samples after each step, (n, 9): true x, y, yaw (map), odometry x, y, yaw (odom), vx, vy, wz. A view that the
         next call overwrites.
         """
-        if not math.isfinite(time):
-            raise InputError(f"cannot simulate until {time}", time=time)
-        first = self._step
-        last = max(first, math.ceil(time * self._frequency - 1e-6))
+        if self._group is not None:
+            raise InputError("this robot advances together with others; advance their Lockstep")
+        first, last = self._step, self.step_at(time)
         steps = last - first
         if len(self._samples) < steps:
             self._samples = np.empty((steps, SAMPLE_SIZE))
@@ -252,10 +280,10 @@ class SimulatedRobot:
             # with moving obstacles step by step, each at its position at that time
             self._drive(self._commands.advance(self._step, self._step + 1 if self.world.moves else last), first)
             if self.world.moves:
-                self._observe(first, observed)
+                self._observe(self._samples[observed - first : self._step - first], self._solids_now)
                 observed = self._step
         if observed < last:
-            self._observe(first, observed)
+            self._observe(self._samples[observed - first : last - first], self._solids_now)
         return self._samples[:steps, :9]
 
     def _drive(self, until: int, first: int) -> None:
@@ -284,14 +312,62 @@ class SimulatedRobot:
             self._add_collisions(samples[:steps])
         self._step = until
 
+    # --- among other robots, see `Lockstep` ---------------------------------------------------------------------------
+
+    def join(self, group: Group, state: NDArray[np.void], solids: Solids) -> tuple[NDArray[np.void], DriveNoise]:
+        """Advances with a group from now on, with its state in `state` (1,) and among `solids`.
+
+        Returns the settings (1,) of type `BODY` and the noise of its body.
+        """
+        state[:] = self._state
+        self._state, self._scalars = state, state.view(np.float64)[: len(BodyState._fields)]
+        self._group, self._solids = group, solids
+        self._sensors.replace_solids(solids)
+        self._body["moving_obstacles"] = self.moves
+        return self._body, self._noise
+
+    def polygon_name(self, k: int) -> str:
+        """Returns the name of polygon `k` of `solids`: that of a shape, or of another robot."""
+        return self.world.name_of("polygon", k) if self._group is None else self._group.polygon_name(self, k)
+
+    @property
+    def moves(self) -> bool:
+        """True if any obstacle moves, or another robot."""
+        return self.world.moves or (self._group is not None and self._group.has_others)
+
+    def command_until(self, step: int, last: int) -> int:
+        """Puts the command of physics step `step` in force; returns the step, at most `last`, up to which it remains so."""
+        until = self._commands.advance(step, last)
+        self._set_command()
+        return until
+
+    def take_steps(self, samples: NDArray[np.float64], hits: int, solids: Callable[[int], Solids]) -> None:
+        """Takes over the steps (k, SAMPLE_SIZE) that the group has driven, with this number of new collisions.
+
+        `solids`: the obstacles, other robots included, at a physics step.
+        """
+        last = self._step + len(samples)
+        self._now = _body_state(self._scalars.tolist())
+        self._solids = solids(last)
+        self._collided = self._collided or hits > 0 or self.in_collision
+        if hits:
+            self._add_collisions(samples)
+        self._step = last
+        self._observe(samples, solids)
+
     def _add_collisions(self, samples: NDArray[np.float64]) -> None:
         """Adds the new collisions of the steps with these samples."""
         columns = (OVERRUN_HIT, DRIVEN_HIT)
         hits = [(step, int(row[k])) for step, row in enumerate(samples.tolist()) for k in columns if row[k] != -1]
         for step, hit in hits:
-            kind, index, x, y = self.world.identify(hit, self._solids)
-            pose = Pose2D(*samples[step, :3].tolist())
-            time, name = (self._step + step + 1) / self._frequency, self.world.name_of(kind, index)
+            pose, time = Pose2D(*samples[step, :3].tolist()), (self._step + step + 1) / self._frequency
+            other = None if self._group is None else self._group.robot_hit(hit, self._step + step)
+            if other is not None:
+                self.collisions.append(Collision(time, pose, "robot", other[1], other[2:], other[0]))
+                continue
+            among = self._solids if self._group is None else self.world.solids_at(time)
+            kind, index, x, y = self.world.identify(hit, among)
+            name = self.world.name_of(kind, index)
             self.collisions.append(Collision(time, pose, kind, index, (x, y), name))
 
     def _solids_until(self, until: int) -> Solids:
@@ -315,13 +391,17 @@ class SimulatedRobot:
             twist = Twist2D(speed, 0.0, self._steering)
         self._scalars[_COMMAND] = twist
 
-    def _observe(self, first: int, observed: int) -> None:
-        """Publishes the frames and schedules the measurements of the steps in (observed, now]."""
+    def _solids_now(self, step: int) -> Solids:
+        del step
+        return self._solids
+
+    def _observe(self, samples: NDArray[np.float64], solids: Callable[[int], Solids]) -> None:
+        """Publishes the frames and schedules the measurements of the last steps, which have these samples."""
         frequency, last = self._frequency, self._step
-        samples = self._samples[observed - first : last - first]
+        observed = last - len(samples)
         rows: list[list[float]] = samples.tolist()
         stamps = [step / frequency for step in range(observed + 1, last + 1)]
-        self._sensors.observe(observed, rows, self._solids, collided=self._collided)
+        self._sensors.observe(observed, rows, solids, collided=self._collided)
         self._collided = self.in_collision
         if self.docks is not None:
             self.docks.observe(observed, rows, self._now.distance)
@@ -421,6 +501,8 @@ class SimulatedRobot:
 
         Raises InputError for another map, or if an obstacle would overlap the robot; nothing has changed then.
         """
+        if self._group is not None and self._group.has_others:
+            raise InputError("the robots of a fleet share one world; its obstacles cannot be replaced during the run")
         if world.map is not self.world.map:
             raise InputError("a running world keeps its map; only its obstacles can be replaced")
         crowd = world.crowd(self._seed, self._crowd)
@@ -448,7 +530,17 @@ class SimulatedRobot:
         self._collided = False
         if not inform_localization and self.estimation.localizer is not None:
             return
-        self._localization.correct(truth, self._odometry_pose)
+        self._localization.error = Transform2D()
+        self._believe(truth)
+
+    def mislocalize(self, offset: Transform2D) -> None:
+        """Lets the localization be off by `offset` (m, rad, in the robot's frame) from the true pose, from now on."""
+        self._localization.error = offset
+        self._believe(Transform2D(*self.pose) @ offset)
+
+    def _believe(self, truth: Transform2D) -> None:
+        """Sets the localization to a pose in the map."""
+        self._localization.correct(Transform2D(*self.pose), self._odometry_pose)
         self.estimation.set_pose(truth, self._odometry_pose)
         localizes = self.estimation.localizer is not None
         current = self.estimation.correction if localizes else self._localization.current
@@ -456,6 +548,16 @@ class SimulatedRobot:
             self.frames.set_static(self.map_frame, self.odom_frame, current)
         else:
             self.frames.set(self.map_frame, self.odom_frame, current, self.time)
+
+    @property
+    def fixed_yaw(self) -> float:
+        """Yaw (rad) of a footprint that does not rotate with the robot; NaN: it rotates."""
+        return self._fixed_yaw
+
+    @property
+    def collision_pose(self) -> Pose2D:
+        """Where the footprint is in the map now: the pose, for a round robot with its fixed yaw."""
+        return self._collision_pose(self.pose)
 
     def _collision_pose(self, pose: Pose2D) -> Pose2D:
         return pose if math.isnan(self._fixed_yaw) else pose._replace(yaw=self._fixed_yaw)

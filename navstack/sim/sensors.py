@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from navstack.core import Footprint, FrameTree, ImuReading, InputError, Pose2D, SensorData, Transform2D, angle_between
@@ -82,10 +82,16 @@ class SensorSuite:
         """Schedules the scans at time 0."""
         self._take_scans(0, pose, solids)
 
-    def observe(self, before: int, rows: Sequence[Sequence[float]], solids: Solids, *, collided: bool) -> None:
+    def replace_solids(self, solids: Solids) -> None:
+        """Lets the measurements that have not been fetched see these obstacles."""
+        self._pending = [one._replace(solids=solids) for one in self._pending]
+
+    def observe(
+        self, before: int, rows: Sequence[Sequence[float]], solids: Callable[[int], Solids], *, collided: bool
+    ) -> None:
         """Schedules the measurements of the steps after `before`, whose `samples` are `rows`.
 
-        `collided`: the robot was in collision before or during these steps.
+        `solids`: the obstacles at a step. `collided`: the robot was in collision before or during these steps.
         """
         if self._imus:
             self._measure_imus(before, rows)
@@ -94,14 +100,14 @@ class SensorSuite:
             while self._scan_due <= last:
                 step = max(int(self._scan_due), before + 1)
                 row = rows[step - before - 1]
-                self._take_scans(step, Pose2D(row[0], row[1], row[2]), solids)
+                self._take_scans(step, Pose2D(row[0], row[1], row[2]), solids(step))
             return
         for step, row in enumerate(rows, before + 1):
             if step >= self._scan_due:
-                self._take_scans(step, Pose2D(row[0], row[1], row[2]), solids)
+                self._take_scans(step, Pose2D(row[0], row[1], row[2]), solids(step))
             colliding = row[IN_COLLISION] != 0.0
             if colliding or self._pressed:
-                self._press_bumpers(step, Pose2D(row[0], row[1], row[2]), solids, colliding)
+                self._press_bumpers(step, Pose2D(row[0], row[1], row[2]), solids(step), colliding)
 
     def scans(self, world: World, now: int) -> list[SensorData]:
         """Computes the measurements of lidars, sonars and bumpers that arrived up to step `now` since the last call.

@@ -207,10 +207,14 @@ class World:
         discs = solids.discs
         away = np.hypot(x[:, None] - discs[:, 0], y[:, None] - discs[:, 1]) - discs[:, 2]
         found = (away < reach).any(axis=1)
-        for k, (cx, cy, radius) in enumerate(solids.circles.tolist()):
-            if bool((np.hypot(x - cx, y - cy) < radius + reach).any()):
-                polygon = shapely.Polygon(solids.polygon(k))
-                found = found | (shapely.distance(shapely.points(points), polygon) < reach)
+        circles = solids.circles
+        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+        # from the bounding box of the points to that of the circle
+        aside = np.maximum(circles[:, 0] - x1, x0 - circles[:, 0])
+        above = np.maximum(circles[:, 1] - y1, y0 - circles[:, 1])
+        for k in np.nonzero(np.maximum(aside, above) < circles[:, 2] + reach)[0].tolist():
+            polygon = shapely.Polygon(solids.polygon(k))
+            found = found | (shapely.distance(shapely.points(points), polygon) < reach)
         resolution, (_, ny, nx) = self.map.geometry.resolution, self.squares.shape
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
         dx, dy = x - self.map.geometry.origin_x, y - self.map.geometry.origin_y

@@ -35,7 +35,7 @@ LEVELS: Final[tuple[tuple[str, ...], ...]] = (
     ("docking",),
     ("bringup", "record"),
     ("scenario", "logs"),
-    ("replay",),
+    ("replay", "fleet"),
     ("explain", "ros_node"),
     ("plot", "live", "ros1", "ros2"),
     ("studies",),

@@ -75,6 +75,8 @@ class App {
       $('clear').disabled = this.readOnly;
       $('eye').hidden = !header.camera;
       for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
+      $('fleet').hidden = !header.robots.length;
+      $('robots').replaceChildren(...header.robots.map((name) => el('option', { value: name, selected: name === header.robot }, name)));
       this.panel.world(header);
       this.graph.world(header);
       this.progress(null);
@@ -233,6 +235,8 @@ class App {
     on('fit', () => this.fit());
     on('follow', () => { this.follow = !this.follow; this.followButton(); });
     on('help', (event) => { if (event.target === $('help')) $('help').close(); });
+    // the page of another robot begins anew: its footprint, limits and layers are others
+    $('robots').addEventListener('change', async (event) => { if (await this.act({ type: 'robot', name: event.target.value })) location.reload(); });
     $('speed').addEventListener('change', (event) => this.act({ type: 'speed', factor: event.target.value === 'max' ? null : Number(event.target.value) }));
   }
 

@@ -29,6 +29,12 @@ class BodyParams(ParamModel):
     physics_frequency: float = param(
         50.0, "frequency of the simulation steps of the body", unit="Hz", gt=0.0, le=10_000.0
     )
+    body_height: float | None = param(
+        None,
+        "a lidar or sonar of another robot that is mounted higher does not see it; none: always seen",
+        unit="m",
+        gt=0.0,
+    )
     acc_lim_x: float | None = param(
         None, "maximum forward acceleration (tricycle: of the front wheel); none: unlimited", unit="m/s²", gt=0.0
     )

@@ -1,0 +1,180 @@
+"""`navstack simulate FLEET.yaml`: drive the robots of a fleet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.last_run import save_record
+from navstack.cli.output import (
+    loading_kernels,
+    print_advice,
+    print_files,
+    print_json,
+    print_note,
+    print_warnings,
+    reason_of,
+    shows_progress,
+    stderr,
+    stdout,
+    titled_table,
+)
+from navstack.core import InputError, ensure_directory, is_file, locked_folder, write_json
+from navstack.fleet import is_fleet_file, read_fleet, run_fleet, shipped_fleets, warm_up_fleet
+from navstack.map_io import map_names
+from navstack.plot import plot_fleet, plot_run
+
+if TYPE_CHECKING:
+    from navstack.cli.scenario_options import ScenarioOptions
+    from navstack.fleet import Fleet, FleetResult
+
+_SHOWN: Final = 12
+"""Lines of a kind that are printed; summary.json has all."""
+_IN_TABLE: Final = ("goals", "max_collisions")
+
+
+def fleet_file(name: str) -> Path | None:
+    """Return the path of a fleet file, or of the packaged fleet of that name; None if the name is neither."""
+    path = Path(name)
+    if is_fleet_file(path):
+        return path
+    return None if is_file(path) or name in map_names() else shipped_fleets().get(name)
+
+
+def simulate_fleet(chosen: ScenarioOptions, file: Path, folder: Path, *, scans: bool, json_: bool) -> int:
+    """Run a fleet, write the records of its robots, pictures and a summary, and print it. Return the exit code."""
+    for given, option in ((chosen.start, "--start"), (chosen.goal, "--goal"), (chosen.obstacle, "--obstacle")):
+        if given:
+            raise InputError(f"{option} is for one robot; write it into the fleet file {file}", argument=option)
+    spec = read_fleet(file)
+    fleet = spec.build(
+        params=chosen.params or None,
+        overrides=chosen.set_,
+        distro=chosen.distro,
+        allow_missing=chosen.allow_missing,
+        seed=chosen.seed,
+        time_limit_s=chosen.time_limit,
+    )
+    for configuration in {id(r.scenario.configuration): r.scenario.configuration for r in fleet.robots}.values():
+        print_warnings(configuration, chosen.params or [str(file)], chosen.set_, distro=chosen.distro, simulated=True)
+    with locked_folder(ensure_directory(folder)), interrupt_flag() as interrupt:
+        result = _run(fleet, interrupt, folder, quiet=json_, scans=scans)
+        files = _write(result, folder)
+        if json_:
+            print_json({**result.as_dict(), "files": files})
+        else:
+            _print(result, files)
+        if interrupt():
+            print_note("interrupted: the goals were canceled, and the records end there")
+            return interrupt.exit_code
+    return 0 if result.succeeded else 1
+
+
+def _run(fleet: Fleet, interrupt: Any, folder: Path, *, quiet: bool, scans: bool) -> FleetResult:
+    planners = {name: None for r in fleet.robots for name in r.scenario.configuration.planner_names}
+    with loading_kernels(tuple(planners), quiet=quiet):
+        warm_up_fleet(fleet)
+    columns = (
+        TextColumn("{task.completed:.0f} of {task.total:.0f} robots done"),
+        BarColumn(),
+        TextColumn("{task.fields[now]:7.1f} s simulated"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=stderr(), transient=True, disable=not shows_progress(quiet=quiet)) as bar:
+        task = bar.add_task("", total=len(fleet.robots), now=0.0)
+        shown = -1.0
+
+        def progress(now: float, done: int) -> None:
+            nonlocal shown
+            if now - shown >= 1.0:
+                shown = now
+                bar.update(task, completed=done, now=now)
+
+        return run_fleet(fleet, scans=scans, spool=folder, progress=progress, stop=interrupt)
+
+
+def _write(result: FleetResult, folder: Path) -> dict[str, Any]:
+    files: dict[str, Any] = {}
+    records = {}
+    for robot in reversed(result.robots):  # the first one is remembered as the last run
+        assert robot.run.recorder is not None
+        own = folder / robot.name
+        files[robot.name] = save_record(robot.run.recorder, own)
+        records[robot.name] = robot.run.recorder.record()
+        plot_run(records[robot.name], own / "run.png")
+        files[robot.name]["picture"] = str(own / "run.png")
+        write_json(own / "summary.json", {**robot.as_dict(), "files": files[robot.name]})
+    files = dict(sorted(files.items()))
+    files["picture"] = str(plot_fleet(dict(sorted(records.items())), folder / "fleet.png"))
+    files["summary"] = str(folder / "summary.json")
+    write_json(folder / "summary.json", {**result.as_dict(), "files": files})
+    return files
+
+
+def _print(result: FleetResult, files: dict[str, Any]) -> None:
+    out = stdout()
+    out.print(_table(result))
+    for robot in result.robots:
+        if robot.fault:
+            out.print(f"{escape(robot.name)} [bold red]{escape(robot.fault)}[/]")
+        for goal in robot.run.goals:
+            if not goal.succeeded:
+                out.print(f"{escape(robot.name)}, goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(reason_of(goal))}")
+        for condition in robot.run.conditions:
+            if not condition.holds and condition.condition not in _IN_TABLE:
+                out.print(f"{escape(robot.name)}: {condition.condition} [bold red]not met[/]: {escape(condition.text)}")
+    _print_first(out, [f"[bold red]contact[/]: {escape(str(contact))}" for contact in result.contacts], "contacts")
+    events = [f"[yellow]traffic[/] at {event.time:.1f} s: {escape(event.text)}" for event in result.events]
+    _print_first(out, events, "events of the traffic")
+    advice = [f"{robot.name}: {line}" for robot in result.robots if robot.contacts == () for line in robot.run.advice]
+    print_advice(tuple(advice[:_SHOWN]))
+    least = result.min_distance_m
+    apart = f"; robots at least {least:.2f} m apart" if len(result.robots) > 1 else ""
+    touches = "1 contact" if len(result.contacts) == 1 else f"{len(result.contacts)} contacts"
+    out.print(
+        f"makespan {result.makespan_s:.1f} s, sum of times {result.sum_of_times_s:.1f} s, waiting {result.waiting_s:.1f} s; "
+        f"{touches}{apart}"
+    )
+    out.print(
+        f"{result.simulated_s:.1f} s simulated in {result.wall_s:.2f} s: {result.real_time_factor:.0f} times real time; "
+        f"seed {result.seed}"
+    )
+    print_files({name: files[name] for name in ("picture", "summary")})
+    out.print(
+        f"records: {Path(files['summary']).parent}/ROBOT, for example: navstack explain goal {_example(result, files)}"
+    )
+
+
+def _print_first(out: Any, lines: list[str], what: str) -> None:
+    for line in lines[:_SHOWN]:
+        out.print(line)
+    if len(lines) > _SHOWN:
+        out.print(f"{len(lines) - _SHOWN} more {what}: summary.json has all")
+
+
+def _example(result: FleetResult, files: dict[str, Any]) -> str:
+    late = max(result.robots, key=lambda robot: robot.finished_s)
+    return str(Path(files["summary"]).parent / late.name)
+
+
+def _table(result: FleetResult) -> Any:
+    right = ("finished", "driven", "waiting", "contacts", "nearest")
+    table = titled_table("robots", left=("robot", "goals"), right=right)
+    for robot in result.robots:
+        goals = robot.run.goals
+        reached = sum(goal.succeeded for goal in goals)
+        style = "green" if reached == len(goals) else "bold red"
+        table.add_row(
+            escape(robot.name),
+            f"[{style}]{reached}/{len(goals)}[/]",
+            f"{robot.finished_s:.1f} s",
+            f"{robot.run.metrics.length_m:.1f} m",
+            f"{robot.waiting_s:.1f} s",
+            str(len(robot.contacts)),
+            f"{robot.nearest.distance_m:.2f} m" if robot.nearest.robot else "-",
+        )
+    return table
