@@ -299,7 +299,7 @@ class Vda5050Robot:
         self.paused = False
         self.battery, self.charging = 1.0, False
         """State of charge, 0 to 1."""
-        self.publish = publish or (lambda topic, message: None)
+        self.publish = publish or _keep_silent
         self._actions = {**dict.fromkeys(("startCharging", "stopCharging"), self._charge), **(actions or {})}
         self._interval, self._started = state_interval_s, started
         self._headers: dict[str, int] = {}
@@ -709,6 +709,10 @@ class Vda5050Robot:
             "mobileRobotGeometry": {},
             "loadSpecification": {},
         }
+
+
+def _keep_silent(topic: str, message: dict[str, Any]) -> None:
+    """Publish nothing."""
 
 
 def _reach(node: Node) -> float:
