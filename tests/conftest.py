@@ -40,6 +40,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 CI_PARTS = {
     "browser": "NAVSTACK_BROWSER_TESTS",
+    "mqtt": "NAVSTACK_MQTT_TESTS",
     "ros1": "NAVSTACK_ROS1_TESTS",
     "ros2": "NAVSTACK_ROS2_TESTS",
 }

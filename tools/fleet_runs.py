@@ -110,7 +110,13 @@ def drive(
                     robot.alive = False
         reports = [
             RobotReport(
-                r.name, Pose2D(*map(float, r.xy), 0.0), case.radius, r.goals[0] if r.goals else None, r.priority, r.alive, now
+                r.name,
+                Pose2D(*map(float, r.xy), 0.0),
+                case.radius,
+                r.goals[0] if r.goals else None,
+                r.priority,
+                r.alive,
+                now,
             )
             for r in robots
         ]
@@ -176,7 +182,10 @@ def _contacts(robots: list[Disc], radius: float) -> set[tuple[str, str]]:
 def grid(nx: int, ny: int, spacing: float = 2.0, gone: set[int] | None = None) -> RouteGraph:
     """A grid of nodes with edges in both directions, without the nodes `gone`."""
     nodes = {
-        iy * nx + ix: (ix * spacing, iy * spacing) for iy in range(ny) for ix in range(nx) if iy * nx + ix not in (gone or set())
+        iy * nx + ix: (ix * spacing, iy * spacing)
+        for iy in range(ny)
+        for ix in range(nx)
+        if iy * nx + ix not in (gone or set())
     }
     edges = [(a, b) for a in nodes for b in (a + 1, a + nx) if b in nodes and (b != a + 1 or b % nx)]
     return build_graph(nodes, edges, both_ways=True)
@@ -296,7 +305,14 @@ def _connected(nx: int, ny: int, gone: set[int]) -> bool:
     return len(seen) == len(nodes)
 
 
-CASES = {"corridor": corridor, "crossing": crossing, "door": door, "ring": ring, "warehouse": warehouse, "random": random_graph}
+CASES = {
+    "corridor": corridor,
+    "crossing": crossing,
+    "door": door,
+    "ring": ring,
+    "warehouse": warehouse,
+    "random": random_graph,
+}
 
 
 def alone_s(case: Case, seed: int) -> float:
@@ -318,12 +334,18 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20, help="seeds per suite")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--suites", nargs="+", default=list(CASES), choices=list(CASES))
-    parser.add_argument("--rules", nargs="+", default=["lanes", "reservation", "pibt"], choices=["lanes", "reservation", "pibt"])
-    parser.add_argument("--until", type=float, default=1200.0, help="simulated time after which a run counts as locked (s)")
+    parser.add_argument(
+        "--rules", nargs="+", default=["lanes", "reservation", "pibt"], choices=["lanes", "reservation", "pibt"]
+    )
+    parser.add_argument(
+        "--until", type=float, default=1200.0, help="simulated time after which a run counts as locked (s)"
+    )
     parser.add_argument("--dropout", type=float, default=0.0, help="share of the messages that is lost")
     parser.add_argument("--delay", type=float, default=0.0, help="delay of each message (s)")
     args = parser.parse_args()
-    print("suite      rule         runs  done  with contact  deadlocks  time_s  waiting  single  locked seeds", flush=True)
+    print(
+        "suite      rule         runs  done  with contact  deadlocks  time_s  waiting  single  locked seeds", flush=True
+    )
     for suite in args.suites:
         for rule in args.rules:
             runs, began = [], time.process_time()
@@ -335,7 +357,11 @@ def main() -> None:
                 runs.append((seed, result.done, bool(result.contacts), result, alone_s(case, seed)))
             done = [run for run in runs if run[1]]
             mean = np.mean([run[3].time for run in done]) if done else math.nan
-            waiting = np.mean([np.mean([r.waited_s for r in run[3].robots]) / run[3].time for run in done]) if done else math.nan
+            waiting = (
+                np.mean([np.mean([r.waited_s for r in run[3].robots]) / run[3].time for run in done])
+                if done
+                else math.nan
+            )
             single = np.mean([run[4] / run[3].time for run in done]) if done else math.nan
             deadlocks = sum(run[3].kinds.get("deadlock", 0) for run in runs)
             print(

@@ -734,6 +734,12 @@ class BasicNavigator(NavigatorServices):
             self._tick(end)
         return self._result is not None
 
+    def idle(self) -> None:
+        """Advance by POLL_S without a task: the robot stands, its costmaps and localization go on."""
+        end = self._now + POLL_S
+        while self._now < end - EPSILON_S:
+            self._tick(end)
+
     def getFeedback(self) -> TaskFeedback | DockingFeedback | None:
         """Return the progress; None without a task."""
         if self._result is not None:

@@ -9,6 +9,8 @@ from navstack.core.errors import InputError
 
 _EXTRAS: Final = {
     "foxglove": "foxglove",
+    "paho": "fleet",
+    "pettingzoo": "fleet",
     "gymnasium": "gym",
     "onnxruntime": "gym",
     "aiohttp": "live",
@@ -18,7 +20,12 @@ _EXTRAS: Final = {
     "pytest": "test",
 }
 """Name of the extra that contains a module, if it is not `tune`."""
-_PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]", "foxglove": "foxglove-sdk"}
+_PACKAGES: Final = {
+    "ruamel.yaml": "ruamel.yaml",
+    "distributed": "dask[distributed]",
+    "foxglove": "foxglove-sdk",
+    "paho.mqtt.client": "paho-mqtt",
+}
 """Name of the package, where it is not the first part of the module's name."""
 
 

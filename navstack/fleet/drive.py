@@ -8,6 +8,8 @@ from typing import Any, Final
 from navstack.core import NavError, Path, Pose2D, RobotState, Twist2D
 from navstack.plugins import Behavior, BehaviorContext, BehaviorStatus, BehaviorStep, Plan
 
+PATIENCE_S: Final = 2.5
+"""Time without a command of the local planner after which the local costmap forgets its obstacles (s)."""
 STARTING: Final = "waits for the first grant of the traffic control"
 
 PathOf = Callable[[tuple[int, ...], Pose2D | None], Path]
@@ -17,8 +19,9 @@ PathOf = Callable[[tuple[int, ...], Pose2D | None], Path]
 class GuidedDrive(Behavior[None]):
     """Drives along the granted nodes, waits at the end of the grant, and is done at its goal.
 
-    The local planner follows the path; what stands in the way makes it wait. `blocked_since` is the time from which the local
-    planner has had no command.
+    The local planner follows the path; what stands in the way makes it wait. What a robot that has passed left in the local
+    costmap, where no beam clears it, would make it wait for ever: after PATIENCE_S the obstacles there are forgotten, as by
+    move_base's conservative reset. What still is there is marked again.
     """
 
     def __init__(self, goal: int | None, target: Pose2D, path_of: PathOf, frame: str, name: str = "") -> None:
@@ -32,6 +35,12 @@ class GuidedDrive(Behavior[None]):
         self.reason = STARTING
         """Why it does not drive on; empty while it may drive."""
         self.blocked_since: float | None = None
+        """Time from which the local planner has had no command (s)."""
+        self.clears = 0
+        """How often the obstacles of the local costmap were forgotten."""
+        self._cleared_at = 0.0
+        self.blocked_by = ""
+        """Why the local planner has no command."""
         self._path_of = path_of
         self._changed = False
         self._plan: Plan | None = None
@@ -71,12 +80,20 @@ class GuidedDrive(Behavior[None]):
             return BehaviorStep(BehaviorStatus.RUNNING)
         try:
             command = context.local_planner.compute_command(inputs)
-        except NavError:
-            self.local_plan = None
-            self.blocked_since = now if self.blocked_since is None else self.blocked_since
+        except NavError as error:
+            self.local_plan, self.blocked_by = None, error.message
+            if self.blocked_since is None:
+                self.blocked_since = self._cleared_at = now
+            elif now - self._cleared_at >= PATIENCE_S:
+                self._clear(context, now, error)
             return BehaviorStep(BehaviorStatus.RUNNING, Twist2D())
         self.blocked_since, self.local_plan = None, command
         return BehaviorStep(BehaviorStatus.RUNNING, command.command)
+
+    def _clear(self, context: BehaviorContext, now: float, error: NavError) -> None:
+        self._cleared_at, self.clears = now, self.clears + 1
+        cells = sum(layer.reset() for layer in context.local_costmap.layers if layer.clearable)
+        context.inform(now, f"{self.name}: forgets {cells} cells of the local costmap, because {error.message}")
 
     def describe(self) -> dict[str, Any]:
         """Return the goal and the grant for the record."""
