@@ -12,7 +12,9 @@ from tools.fleet_runs import CASES, Case, drive
 ROAD = build_graph({i: (2.0 * i, 0.0) for i in range(5)}, [(i, i + 1) for i in range(4)], both_ways=True)
 
 
-def report(name: str, x: float, goal: int | None, time: float = 0.0, *, active: bool = True, y: float = 0.0) -> RobotReport:
+def report(
+    name: str, x: float, goal: int | None, time: float = 0.0, *, active: bool = True, y: float = 0.0
+) -> RobotReport:
     return RobotReport(name, Pose2D(x, y, 0.0), 0.3, goal, 0.0, active, time)
 
 
@@ -76,7 +78,9 @@ def test_footprints_that_do_not_fit_beside_each_other_exclude_edges() -> None:
 
 def test_a_deadlock_is_found_when_it_closes_and_dissolved() -> None:
     graph = build_graph(
-        {i: (2.0 * i, 0.0) for i in range(5)} | {9: (4.0, 2.0)}, [*((i, i + 1) for i in range(4)), (2, 9)], both_ways=True
+        {i: (2.0 * i, 0.0) for i in range(5)} | {9: (4.0, 2.0)},
+        [*((i, i + 1) for i in range(4)), (2, 9)],
+        both_ways=True,
     )
     result = drive(Case(graph, {"a": 0, "b": 4}, {"a": [4], "b": [0]}), "reservation")
     assert result.done
