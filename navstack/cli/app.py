@@ -214,7 +214,7 @@ EXPLAIN_COMMANDS: Final = {
     "map": LazyCommand(
         "explain.map",
         "map_",
-        "List the scans that made a cell of a map: which saw an obstacle there, which saw through it, when, from where.",
+        "List the scans that made a cell of a map: which saw an obstacle there, which saw through it, when and from where.",
         NEGATIVE_NUMBERS,
     ),
     "tracking": LazyCommand(
