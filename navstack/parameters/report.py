@@ -43,6 +43,7 @@ from navstack.plugins import (
     GOAL_CHECKERS,
     LAYERS,
     LOCAL_PLANNERS,
+    LOCALIZERS,
     PATH_HANDLERS,
     PROGRESS_CHECKERS,
     RECOVERY_BEHAVIORS,
@@ -405,6 +406,16 @@ def _sections() -> Iterator[str]:
         for entry in registry:
             if entry.origin == "navstack":
                 yield _plugin(title, entry, where, listed)
+    of_nodes = [node_model(section) for section in NODE_SECTIONS]
+    for entry in LOCALIZERS:
+        model = entry.cls.Params
+        if entry.origin == "navstack" and model.model_fields and model not in of_nodes:
+            yield _plugin(
+                "Localizer",
+                entry,
+                "`--set NAME=VALUE` of `navstack localize`; for `mapping` of `navstack map build`",
+                listed,
+            )
     for name, model in ((section, node_model(section)) for section in NODE_SECTIONS):
         yield _section(name, f"`{name}`, or `{name}/ros__parameters` in a file of ROS 2", model)
     for title, where, model in _NODE_PARTS:

@@ -85,7 +85,7 @@ class BarnWorld:
 
 
 @plain_kernel
-def barn_score(length, time):
+def barn_score(length: float, time: float) -> float:
     """Return the BARN score of a success after `time` (s): OT / clip(AT, 2 OT, 8 OT); 0.5 for a path of no `length` (m).
 
     OT is the duration of the shortest path at `OPTIMAL_SPEED`; AT begins when the robot has moved `START_RADIUS_M`.
