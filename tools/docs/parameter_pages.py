@@ -27,7 +27,7 @@ GROUPS = (
     ("Recovery behaviors", ("Recovery behavior",)),
     ("Docking", ("docking_server", "Dock type", "Dock detector")),
     ("Safety", ("twist_mux", "velocity_smoother", "collision")),
-    ("Localization", ("amcl", "supervision", "ekf")),
+    ("Localization", ("amcl", "supervision", "ekf", "Localizer")),
 )
 """Title of a group in the navigation, and how the titles of its components begin."""
 
