@@ -123,6 +123,7 @@ class _Robot:
     clearance = math.nan
     collisions = ()
     world = SimpleNamespace(moves=False)
+    moves = False
     solids = None
 
     def __init__(self, replay: LogReplay) -> None:

@@ -24,6 +24,12 @@ TIMEOUT_S = 300.0
 """Longest wait for anything: far more than it takes, also on a machine on which programs stand still for minutes."""
 
 
+PATIENT = tuple(
+    part for costmap in ("local", "global") for part in ("--set", f"{costmap}_costmap/transform_tolerance=5.0")
+)
+"""Options of a node whose test is not about old data: at a multiple of real time a busy machine delays messages by seconds."""
+
+
 def paced(fastest: float) -> str:
     """Return how fast to simulate: `fastest`, less with a load of more than two programs per core, at least real time.
 

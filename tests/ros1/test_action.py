@@ -41,11 +41,16 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
         pace = paced(6)
         rig.start_sim("office", "--clock", "--speed", pace)
         rig.start_probe()
-        # a stop is reported with its cause if it follows within 0.6 s of wall time: at any pace it comes after less than 0.3 s
-        rate = f"local_costmap/obstacle_layer/scan/expected_update_rate={max(0.3, float(pace) / 6.0):.2f}"
+        # limits in wall time: a stop is reported with its cause if it follows within 0.6 s, and a busy machine delays messages
+        limits = {
+            "local_costmap/obstacle_layer/scan/expected_update_rate": max(0.55, 0.5 * float(pace)),
+            "local_costmap/transform_tolerance": max(0.4, 0.35 * float(pace)),
+            "global_costmap/transform_tolerance": max(0.4, 0.35 * float(pace)),
+        }
+        settings = [part for name, value in limits.items() for part in ("--set", f"{name}={value:.2f}")]
         recoveries = graph.folder / "recoveries.yaml"
         recoveries.write_text(RECOVERIES)
-        rig.start_node("--params", "turtlebot", "--params", str(recoveries), "--set", rate)
+        rig.start_node("--params", "turtlebot", "--params", str(recoveries), *settings)
         yield rig
     finally:
         rig.close()
@@ -97,7 +102,7 @@ def test_the_recorded_goals_and_cancels(rig: Rig) -> None:
             elif "base_footprint" in what:
                 goals[name], data["frame"] = (1.0, 0.0), "base_footprint"
             rig.send_goal(*goals[name], **data)
-    result_of(rig, "D")
+    assert result_of(rig, "D") == next((e[3], e[4]) for e in theirs if e[1:3] == ["result", "D"])
     rig.wait(lambda e: e["what"] == "status" and any(g[:2] == ["D", 3] for g in e["goals"]), "the last status")
     events = rig.take()[mark:]
     assert own(changes(events), goals) == [tuple(e[2:5]) for e in theirs if e[1] == "status" and e[3] != "PENDING"]
@@ -107,7 +112,9 @@ def test_the_recorded_goals_and_cancels(rig: Rig) -> None:
     feedback = [e for e in events if e["what"] == "feedback"]
     assert {e["frame"] for e in feedback} == {"map"}
     stamps = np.array([e["stamp"] for e in feedback if e["id"] == "A"])
-    assert np.median(np.diff(stamps)) == pytest.approx(PERIOD, abs=0.03)
+    commands = [e["now"] for e in events if e["what"] == "cmd" and stamps[0] <= e["now"] <= stamps[-1] + PERIOD]
+    assert len(commands) == pytest.approx(len(stamps), abs=2)
+    assert np.median(np.diff(stamps)) > PERIOD - 0.03  # cycles of a busy machine are longer
     # the goal before the robot is transformed; each goal is published once when it is accepted, an invalid one never
     published = [(e["frame"], e["x"]) for e in events if e["what"] == "current_goal"]
     assert [frame for frame, _ in published] == ["map"] * 3

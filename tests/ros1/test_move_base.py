@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from navstack.record import Record
-from tests.ros1.conftest import PYTHON, TIMEOUT_S, new_graph, paced, wait_for
+from tests.ros1.conftest import PATIENT, PYTHON, TIMEOUT_S, new_graph, paced, wait_for
 from tests.ros1.rig import Rig
 
 CLIENT = """
@@ -88,7 +88,7 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
         rig.start_sim("office", "--clock", "--speed", paced(2), relayed=False)
         graph.run("/usr/bin/rosparam", "set", "/move_base/controller_frequency", "10.0")
         record = str(graph.folder / "record")
-        rig.start_node("--params", "turtlebot", "--set", "controller_frequency=10.0", "--record", record)
+        rig.start_node("--params", "turtlebot", *PATIENT, "--set", "controller_frequency=10.0", "--record", record)
         yield rig
     finally:
         rig.close()

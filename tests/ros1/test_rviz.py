@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.ros1.conftest import Graph, paced, wait_for
+from tests.ros1.conftest import PATIENT, Graph, paced, wait_for
 from tests.ros1.rig import Rig
 from tests.ros1.test_exported_bag import framebuffer
 
@@ -32,7 +32,7 @@ def test_a_goal_that_is_dragged_in_rviz_is_reached(graph: Graph, tmp_path: Path)
         screen = tmp_path / "Xvfb_screen0"
         wait_for(screen.exists, "the start of the virtual display")
         graph.start("rviz", "-d", str(CONFIG), DISPLAY=display)
-        rig.start_node("--params", "turtlebot")
+        rig.start_node("--params", "turtlebot", *PATIENT)
         wait_for(lambda: has(framebuffer(screen), "footprint").sum() > 20, "the footprint in RViz")
         rows, columns = np.nonzero(has(framebuffer(screen), "footprint"))
         x, y = int(columns.mean()) + AHEAD, int(rows.mean())

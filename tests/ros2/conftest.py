@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import pytest
 
-from tests.ros1.conftest import paced, wait_for
+from tests.ros1.conftest import PATIENT, paced, wait_for
 from tools.ros2_environment import Environment, environment
 
 WANTED: Final = os.environ.get("NAVSTACK_ROS2_TESTS") == "1"
@@ -85,7 +85,7 @@ class Graph:
 
     def start_navigator(self, *arguments: str, ros: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
         """Start the navigator by the clock of the simulated robot, and wait until it is ready."""
-        program = self.navstack("navigator", *arguments, "--ros-args", "-p", "use_sim_time:=true", *ros)
+        program = self.navstack("navigator", *arguments, *PATIENT, "--ros-args", "-p", "use_sim_time:=true", *ros)
         self.wait_for_text(program, "navstack is ready")
         return program
 
