@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from navstack.core import InputError
+from navstack.core import InputError, Pose2D
 from navstack.fleet import Fleet, FleetRun, MemberRun
 from navstack.live.checkpoints import Twin
 from navstack.live.session import History, Session
@@ -31,6 +31,12 @@ class FleetSession(Session):
     def robots(self) -> tuple[str, ...]:
         """The names of the robots."""
         return tuple(self._members)
+
+    def others(self) -> list[tuple[str, Pose2D, str]]:
+        """Return the other robots: name, pose and what each waits for."""
+        return [
+            (name, run.robot.pose, run.wait_reason) for name, run in self.together.runs.items() if name != self.selected
+        ]
 
     def select(self, name: str) -> None:
         """Show another robot, which then takes the goals. Raises InputError for an unknown one."""

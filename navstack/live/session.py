@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Event, InputError, SensorData, compile_seconds, jsonable
+from navstack.core import Event, InputError, Pose2D, SensorData, compile_seconds, jsonable
 from navstack.explain import Replayed
 from navstack.live.checkpoints import Checkpoint, Checkpoints, Origin, Twin, digest_of, snapshot
 from navstack.record import RunRecorder
@@ -325,6 +325,10 @@ class Session:
     def robots(self) -> tuple[str, ...]:
         """The names of the robots of a fleet; none for a robot alone."""
         return ()
+
+    def others(self) -> list[tuple[str, Pose2D, str]]:
+        """Return the other robots of a fleet: name, pose and what each waits for (empty: nothing)."""
+        return []
 
     def select(self, name: str) -> None:
         """Show another robot of a fleet. Raises InputError: a robot alone is always shown."""

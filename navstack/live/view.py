@@ -461,6 +461,7 @@ class SessionView:
             [self.session.run.robot.polygon_name(k), *_rounded(solids.polygon(k).ravel().tolist(), 3)]
             for k in range(len(solids.circles))
         ]
+        entries["robots"] = [[name, *_rounded(pose, 3), waits] for name, pose, waits in self.session.others()]
 
     def _add_history(self, entries: dict[str, Any]) -> None:
         history = self.session.history

@@ -72,6 +72,9 @@ def test_a_page_gets_the_robots_and_draws_the_others(session: FleetSession) -> N
     x = polygon[1::2]
     at = session.together.runs["west"].robot.pose.x
     assert sum(x) / len(x) == pytest.approx(at, abs=0.15)
+    assert entries["robots"] == [
+        ["west", *(pytest.approx(v, abs=1e-3) for v in session.together.runs["west"].robot.pose), ""]
+    ]
     request = live_messages.read_request(json.dumps({"type": "robot", "name": "west", "id": 3}))
     assert stage.request(request).ok
     assert session.selected == "west"

@@ -144,6 +144,7 @@ export class Scene {
       c.restore();
     });
     if (side === this.front) { this.drawShapes(side); this.layer('scan', () => this.drawScan(side)); }
+    this.layer('footprint', () => this.drawOthers(side));
     this.layer('goals', () => this.drawGoals(side));
     for (const [layer, part] of [['padded', 'drawPadded'], ['footprint', 'drawRobot']]) this.layer(layer, () => this.atRobot(side, now, part));
   }
@@ -208,6 +209,30 @@ export class Scene {
     Object.assign(c, { strokeStyle: selected ? this.theme.accent : person ? this.theme.person : this.theme.shape, lineWidth: (selected ? 3 : 1.6) * this.px });
     c.stroke();
     if (person) { c.beginPath(); c.arc(outline.circle[0], outline.circle[1], outline.circle[2] * 0.4, 0, 2 * Math.PI); c.fillStyle = this.theme.person; c.fill(); }
+  }
+
+  /** The other robots of a fleet: footprint, heading, name; one that waits is pale. */
+  drawOthers(side) {
+    const c = this.context, { theme, px } = this;
+    for (const [name, x, y, yaw, waits] of side.robots) {
+      const polygon = side.polygons.find((p) => p[0] === name);
+      if (!polygon) continue;
+      const points = polygon.slice(1), radius = Math.max(...points.map((v, i) => Math.abs(v - (i % 2 ? y : x))));
+      c.save();
+      c.globalAlpha *= waits ? 0.45 : 1;
+      c.beginPath();
+      points.forEach((v, i) => i % 2 && (i === 1 ? c.moveTo(points[0], v) : c.lineTo(points[i - 1], v)));
+      c.closePath();
+      Object.assign(c, { fillStyle: theme.robot2, strokeStyle: theme.text, lineWidth: 1.4 * px });
+      c.fill();
+      c.stroke();
+      c.beginPath();
+      c.moveTo(x, y);
+      c.lineTo(x + Math.cos(yaw) * radius, y + Math.sin(yaw) * radius);
+      c.stroke();
+      c.restore();
+      if (radius > 6 * px) this.text(name, x, y + radius + 9 * px, theme.text, 10);
+    }
   }
 
   arrow([x, y, yaw], color, label, { hollow = false, size = 15 } = {}) {

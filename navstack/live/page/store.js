@@ -13,7 +13,7 @@ export class Side {
 
   reset() {
     Object.assign(this, {
-      samples: [], events: [], plans: [], trail: [], trajectory: null, trajectories: null, scan: null, camera: null, discs: [], polygons: [],
+      samples: [], events: [], plans: [], trail: [], trajectory: null, trajectories: null, scan: null, camera: null, discs: [], polygons: [], robots: [],
       goals: { under_way: [], waiting: [], loop: false, ended: [] }, shapes: [], interactions: [], behavior_tree: null, tree_states: null, before: null, t: 0, end: 0,
     });
     for (const grid of Object.values(this.grids)) grid.clear();
