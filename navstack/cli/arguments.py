@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -126,32 +126,31 @@ def parse_obstacles(
     return tuple(disc for disc, low in parsed if not low), tuple(low_disc(*disc) for disc in low_ones)
 
 
-def map_of(name: str, *, others: Iterable[str] = (), what: str = "") -> tuple[Path, OccupancyGrid]:
+def map_of(name: str, others: Mapping[str, Iterable[str]] | None = None) -> tuple[Path, OccupancyGrid]:
     """Loads a map file, or the packaged map of that name. Raises MapError.
 
-    `others` are further names that the argument accepts (`what`: "scenario", ..); the error lists them.
+    `others` are further names that the argument accepts, by kind ("scenario", ..); the error lists them.
     """
     path = Path(name)
     # is_file: a folder called "office" must not hide the packaged map
     if not is_file(path) and path.suffix == "" and path.parent == Path():
         if name not in map_names():
-            raise _unknown_map(name, sorted(others), what)
+            raise _unknown_map(name, {"map": map_names(), **(others or {})})
         path = map_path(name)
     return path, load_map(path)
 
 
-def _unknown_map(name: str, others: list[str], what: str) -> MapError:
+def _unknown_map(name: str, known: Mapping[str, Iterable[str]]) -> MapError:
     import difflib
 
-    known = map_names()
-    close = difflib.get_close_matches(name, [*known, *others], n=1)
+    close = difflib.get_close_matches(name, [one for names in known.values() for one in names], n=1)
+    *kinds, last = ("file", *(f"packaged {kind}" for kind in known))
     return MapError(
-        f'no file{f", packaged map or {what}" if others else " or packaged map"} is called "{name}"; '
+        f'no {", ".join(kinds)} or {last} is called "{name}"; '
         + (f'did you mean "{close[0]}"? ' if close else "")
-        + f"packaged maps: {', '.join(known)}"
-        + (f"; {what}s: {', '.join(others)}" if others else ""),
+        + "; ".join(f"packaged {kind}s: {', '.join(sorted(names))}" for kind, names in known.items()),
         map=name,
-        known=known,
+        known=map_names(),
     )
 
 

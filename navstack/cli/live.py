@@ -19,7 +19,7 @@ from navstack.cli.output import loading_kernels, print_note, stdout
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import InputError, require
 from navstack.explain import replay
-from navstack.fleet import is_of_fleet, read_fleet, warm_up_fleet
+from navstack.fleet import is_of_fleet, read_fleet, shipped_fleets, warm_up_fleet
 from navstack.live import (
     COMPILING,
     MAX_SPEED,
@@ -198,7 +198,7 @@ def _open(chosen: ScenarioOptions) -> tuple[Scenario, Origin]:
         spec = read_scenario(file)
         sources = chosen.params or [source for source in spec.sources if isinstance(source, str)]
         return chosen.build(), Origin(spec.map_file, tuple(sources))
-    path, grid = map_of(chosen.map_, others=shipped_scenarios(), what="scenario")
+    path, grid = map_of(chosen.map_, {"scenario": shipped_scenarios(), "fleet": shipped_fleets()})
     if chosen.map_ not in map_names() and chosen.start is None:
         from navstack.live import free_pose
 

@@ -107,7 +107,7 @@ class MotionOptions(NamedTuple):
         return scenario
 
     def _from_map(self, name: str, start: Pose2D | None) -> Scenario:
-        path, grid = map_of(name, others=shipped_scenarios(), what="scenario")
+        path, grid = map_of(name, {"scenario": shipped_scenarios()})
         if start is None and name in map_names():
             start = load_places(name).start
         if start is None:

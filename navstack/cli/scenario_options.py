@@ -11,6 +11,7 @@ from navstack.cli import options
 from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_place, scenario_file
 from navstack.cli.output import print_warnings
 from navstack.core import InputError
+from navstack.fleet import shipped_fleets
 from navstack.map_io import map_names
 from navstack.parameters import load_configuration, short_name
 from navstack.scenario import Scenario, load_places, read_scenario, shipped_scenarios
@@ -95,7 +96,7 @@ class ScenarioOptions(NamedTuple):
 
     def _from_map(self, start: Pose2D | None, goals: tuple[Pose2D, ...], goals_needed: bool) -> Scenario:
         obstacles, shapes = parse_obstacles(self.obstacle)
-        path, grid = map_of(self.map_, others=shipped_scenarios(), what="scenario")
+        path, grid = map_of(self.map_, {"scenario": shipped_scenarios(), "fleet": shipped_fleets()})
         if start is None or (not goals and (goals_needed or self.map_ in map_names())):
             start, goals = self._packaged_poses(path, grid, start, goals)
         params = self.params or ["turtlebot"]

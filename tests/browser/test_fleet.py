@@ -19,10 +19,13 @@ def test_a_click_on_another_robot_shows_it(live: Any, open_page: Any) -> None:
     page.wait_for_function("() => window.navstack.store.main.robots.length === 1")
     name, x, y = page.evaluate("window.navstack.store.main.robots[0].slice(0, 3)")
     assert name == "west"
+    beside = page.evaluate(f"window.navstack.camera.toScreen({x + 0.05}, {y + 0.05})")
     pixels = page.evaluate(
-        "([u, v]) => [...document.querySelector('#scene').getContext('2d').getImageData(u * devicePixelRatio, v * devicePixelRatio, 1, 1)"
-        ".data.slice(0, 3)]",
-        page.evaluate(f"window.navstack.camera.toScreen({x + 0.05}, {y + 0.05})"),
+        """([u, v]) => {
+            const context = document.querySelector('#scene').getContext('2d'), ratio = devicePixelRatio;
+            return [...context.getImageData(u * ratio, v * ratio, 1, 1).data.slice(0, 3)];
+        }""",
+        beside,
     )
     assert pixels == [0x8F, 0x5B, 0xD6]  # the color of the other robots, away from the line of the heading
     page.mouse.click(*at(page, x, y))

@@ -115,7 +115,7 @@ def test_a_shape_starts_where_it_has_room(capsys: pytest.CaptureFixture[str]) ->
         (["drive-to", "kitchn"], 'the pose "kitchn" is no place of office; did you mean kitchen?'),
         (["follow", "circle"], "neither a shape (heart, figure_eight) nor a file"),
         (["follow", "absent.csv"], "cannot read absent.csv"),
-        (["move", "1", "atlantis"], 'no file, packaged map or scenario is called "atlantis"'),
+        (["move", "1", "atlantis"], 'no file, packaged map or packaged scenario is called "atlantis"'),
         (["tour", "--step", "nowhere"], 'goto "nowhere" is not a place'),
         (["tour", "--step", "[1"], "is neither the name of a place nor a step"),
         (["tour", "--step", "{move: 1}", "--order", "random"], "--order random is for tours of places only"),
