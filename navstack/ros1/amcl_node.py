@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from navstack.core import FrameError, LaserScan, NavError, ParameterError, Pose2D
+from navstack.core import NavError, ParameterError, Pose2D, Transform2D
 from navstack.localization import Amcl
 from navstack.parameters import (
     AmclParams,
@@ -27,7 +26,7 @@ from navstack.parameters import (
 from navstack.plugins import param
 from navstack.ros1 import ros
 from navstack.ros1.diagnostics import diagnostic_status
-from navstack.ros1.localization_node import LocalizationNode
+from navstack.ros1.localization_node import ScanNode, WaitingScan
 from navstack.ros1.reconfigure import RESTORE, ReconfigureServer, kind_of
 from navstack.ros_messages import messages as msg
 from navstack.ros_node import OK, WARN
@@ -111,8 +110,6 @@ def bind_amcl(
     return AmclConfiguration(params, space.as_dict(), reported)
 
 
-WAITING: Final = 100
-"""Scans that wait for the transform odom -> base."""
 NO_SCAN_S: Final = 15.0
 """Time without a scan that is worth a warning (s)."""
 ASK_S: Final = 0.5
@@ -120,12 +117,7 @@ ASK_S: Final = 0.5
 DIAGNOSTICS_S: Final = 1.0
 
 
-class _Scan(NamedTuple):
-    scan: LaserScan
-    stamp_ns: int
-
-
-class AmclNode(LocalizationNode):
+class AmclNode(ScanNode):
     """The node. `rospy.init_node` must have been called."""
 
     def __init__(self, configuration: AmclConfiguration) -> None:
@@ -134,7 +126,6 @@ class AmclNode(LocalizationNode):
         super().__init__(params.global_frame_id, params.odom_frame_id, params.base_frame_id, params.transform_tolerance)
         self.filter = Amcl(params)
         self._map: Any = None
-        self._waiting: deque[_Scan] = deque(maxlen=WAITING)
         self._updates = 0
         self._rejections = 0
         self._heard_at = self.clock.now()
@@ -148,9 +139,6 @@ class AmclNode(LocalizationNode):
         ]
         self._diagnostics = rospy.Publisher(
             "/diagnostics", ros.message("diagnostic_msgs/DiagnosticArray"), queue_size=1
-        )
-        rospy.Subscriber(
-            "scan", ros.array_message("sensor_msgs/LaserScan"), later(self._on_scan, most=WAITING), queue_size=WAITING
         )
         self.subscribe()
         self._server = ReconfigureServer("~", _parameters(params), self._present, self._apply, self.inbox)
@@ -223,44 +211,31 @@ class AmclNode(LocalizationNode):
 
     # --- scans --------------------------------------------------------------------------------------------------------
 
-    def _on_scan(self, message: Any) -> None:
+    def on_scan(self, message: Any) -> None:
+        """Receive a scan, and note when."""
         self._heard_at = self.clock.now()
-        self.robot.receive_scan(message, "scan")
-        for data in self.robot.scans():
-            if isinstance(data, LaserScan):
-                self._waiting.append(_Scan(data, int(message.header.stamp.to_nsec())))
+        super().on_scan(message)
 
     def process(self, now: float) -> None:
         """Update the filter with the scans whose odometry is known."""
-        while self._waiting and self._use(self._waiting[0]):
-            self._waiting.popleft()
+        self.use_waiting_scans()
         if now - self._heard_at > NO_SCAN_S:
             self._heard_at = now
             self._rospy.logwarn("no scan on %s for %g s", self._rospy.resolve_name("scan"), NO_SCAN_S)
         self._save_pose(now)
         self._publish_diagnostics()
 
-    def _use(self, item: _Scan) -> bool:
-        """Return False if the scan must wait for its odometry."""
-        scan = item.scan
-        try:
-            odometry = self.odometry_at(scan.stamp)
-            sensor = self.robot.frames.lookup(self.base_frame, scan.frame)
-        except FrameError as exc:
-            self.report(exc)
-            return True
-        if odometry is None:
-            return False
-        estimate = self.filter.update(odometry, scan, sensor)
+    def use_scan(self, waiting: WaitingScan, odometry: Transform2D, sensor: Transform2D) -> None:
+        """Update the filter; publish its pose, its particles and map -> odom."""
+        estimate = self.filter.update(odometry, waiting.scan, sensor)
         if self.filter.updates != self._updates:
             self._updates = self.filter.updates
             self.poses.publish_particles(self.clock.ns(self.clock.now()), self.filter.possible_poses()[0])
         if estimate is not None:
-            self.poses.publish_pose(item.stamp_ns, estimate.pose, estimate.covariance)
+            self.poses.publish_pose(waiting.stamp_ns, estimate.pose, estimate.covariance)
         last = self.filter.estimate
         if last is not None and self._params.tf_broadcast:
-            self.tf.publish(item.stamp_ns, last.map_to_odom)
-        return True
+            self.tf.publish(waiting.stamp_ns, last.map_to_odom)
 
     # --- periodic messages --------------------------------------------------------------------------------------------
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import FrameError, LogError, NavError, Pose2D, Transform2D, clean_frame
+from navstack.core import FrameError, LaserScan, LogError, NavError, Pose2D, Transform2D, clean_frame
 from navstack.ros1 import parameters, ros
 from navstack.ros1.node import MasterWatch, wait_for_clock
 from navstack.ros_messages import MessageBuilder
@@ -66,6 +66,8 @@ class MapToOdom:
 
 POLL_S: Final = 0.1
 """Longest wait for messages (s, wall)."""
+WAITING: Final = 100
+"""Scans, or true poses, that wait for the transform odom -> base."""
 
 
 class LocalizationNode(ABC):
@@ -162,11 +164,54 @@ class LocalizationNode(ABC):
         ros.shut_down(self.end)
 
 
+class WaitingScan(NamedTuple):
+    """A scan, and its stamp as it arrived."""
+
+    scan: LaserScan
+    stamp_ns: int
+
+
+class ScanNode(LocalizationNode):
+    """A localization node of a lidar: each scan of the topic `scan` waits until its odometry is known."""
+
+    def __init__(self, map_frame: str, odom_frame: str, base_frame: str, ahead_s: float) -> None:
+        super().__init__(map_frame, odom_frame, base_frame, ahead_s)
+        self._waiting: deque[WaitingScan] = deque(maxlen=WAITING)
+
+    def subscribe(self) -> None:
+        """Receive scans, transforms and initial poses."""
+        scan, receive = ros.array_message("sensor_msgs/LaserScan"), self.inbox.poster(self.on_scan, most=WAITING)
+        self._rospy.Subscriber("scan", scan, receive, queue_size=WAITING)
+        super().subscribe()
+
+    def on_scan(self, message: Any) -> None:
+        """Receive a LaserScan message."""
+        self.robot.receive_scan(message, "scan")
+        for data in self.robot.scans():
+            if isinstance(data, LaserScan):
+                self._waiting.append(WaitingScan(data, int(message.header.stamp.to_nsec())))
+
+    def use_waiting_scans(self) -> None:
+        """Use all scans whose odometry is known; those whose odometry will never be known are reported."""
+        while self._waiting:
+            waiting = self._waiting[0]
+            try:
+                odometry = self.odometry_at(waiting.scan.stamp)
+                sensor = self.robot.frames.lookup(self.base_frame, waiting.scan.frame)
+            except FrameError as exc:
+                self.report(exc)
+            else:
+                if odometry is None:
+                    return
+                self.use_scan(waiting, odometry, sensor)
+            self._waiting.popleft()
+
+    @abstractmethod
+    def use_scan(self, waiting: WaitingScan, odometry: Transform2D, sensor: Transform2D) -> None:
+        """Use a scan with the pose of the base in the odometry frame and that of the sensor in the base."""
+
+
 # --- fake_localization: map -> odom from the true pose of a simulated robot -------------------------------------------
-
-
-WAITING: Final = 100
-"""True poses that wait for the transform odom -> base."""
 
 
 class FakeLocalization(LocalizationNode):

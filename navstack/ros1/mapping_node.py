@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from navstack.core import FrameError, InputError, LaserScan, NavError, OccupancyGrid, clean_frame
+from navstack.core import InputError, NavError, OccupancyGrid, Transform2D, clean_frame
 from navstack.mapping import MapperParams, OnlineMapper
 from navstack.ros1 import parameters, ros
-from navstack.ros1.localization_node import LocalizationNode
+from navstack.ros1.localization_node import ScanNode, WaitingScan
 from navstack.ros_messages import messages as msg
 
-WAITING: Final = 100
-"""Scans that wait for the transform odom -> base."""
 _UNUSED: Final = (
     *(
         "inverted_laser",
@@ -86,12 +83,7 @@ def read_mapping_params() -> MappingNodeParams:
     )
 
 
-class _Scan(NamedTuple):
-    scan: LaserScan
-    stamp_ns: int
-
-
-class MappingNode(LocalizationNode):
+class MappingNode(ScanNode):
     """The node: `map` and `map_metadata`, latched, `~entropy`, the service `dynamic_map`, and map -> odom on /tf.
 
     `rospy.init_node` must have been called.
@@ -101,21 +93,17 @@ class MappingNode(LocalizationNode):
         super().__init__(params.map_frame, params.odom_frame, params.base_frame, params.tf_delay)
         self._params = params
         self.mapper = OnlineMapper(params.mapper)
-        self._waiting: deque[_Scan] = deque(maxlen=WAITING)
         self._heard = 0
         self._drawn = 0
         self._drawn_at = self._told_at = -math.inf
         self._message: Any = None
-        rospy, later = self._rospy, self.inbox.poster
+        rospy = self._rospy
         grid, data = ros.message("nav_msgs/OccupancyGrid"), ros.message("nav_msgs/MapMetaData")
         self._map = rospy.Publisher("map", grid, queue_size=1, latch=True)
         self._metadata = rospy.Publisher("map_metadata", data, queue_size=1, latch=True)
         self._entropy = rospy.Publisher("~entropy", ros.message("std_msgs/Float64"), queue_size=1, latch=True)
         self._service = rospy.Service(
             "dynamic_map", ros.message("nav_msgs/srv/GetMap"), self.inbox.caller(self._on_get)
-        )
-        rospy.Subscriber(
-            "scan", ros.array_message("sensor_msgs/LaserScan"), later(self._on_scan, most=WAITING), queue_size=WAITING
         )
         self.subscribe()
 
@@ -126,19 +114,15 @@ class MappingNode(LocalizationNode):
             return
         self.mapper.set_pose(msg.pose_of(message.pose.pose), np.eye(3), 0.0)
 
-    def _on_scan(self, message: Any) -> None:
+    def on_scan(self, message: Any) -> None:
+        """Receive every `throttle_scans`-th scan."""
         self._heard += 1
-        if (self._heard - 1) % self._params.throttle_scans:
-            return
-        self.robot.receive_scan(message, "scan")
-        for data in self.robot.scans():
-            if isinstance(data, LaserScan):
-                self._waiting.append(_Scan(data, int(message.header.stamp.to_nsec())))
+        if (self._heard - 1) % self._params.throttle_scans == 0:
+            super().on_scan(message)
 
     def process(self, now: float) -> None:
         """Map the scans whose odometry is known; publish the map and the transform where they are due."""
-        while self._waiting and self._use(self._waiting[0]):
-            self._waiting.popleft()
+        self.use_waiting_scans()
         params, estimate = self._params, self.mapper.estimate
         if estimate is None:
             return
@@ -150,19 +134,9 @@ class MappingNode(LocalizationNode):
         if self.mapper.keyframes != self._drawn and now - self._drawn_at >= params.map_update_interval:
             self._draw(now)
 
-    def _use(self, item: _Scan) -> bool:
-        """Return False if the scan must wait for its odometry."""
-        scan = item.scan
-        try:
-            odometry = self.odometry_at(scan.stamp)
-            sensor = self.robot.frames.lookup(self.base_frame, scan.frame)
-        except FrameError as exc:
-            self.report(exc)
-            return True
-        if odometry is None:
-            return False
-        self.mapper.update(odometry, scan, sensor)
-        return True
+    def use_scan(self, waiting: WaitingScan, odometry: Transform2D, sensor: Transform2D) -> None:
+        """Add a scan to the map."""
+        self.mapper.update(odometry, waiting.scan, sensor)
 
     def _draw(self, now: float) -> None:
         self._drawn, self._drawn_at = self.mapper.keyframes, now
