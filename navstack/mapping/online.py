@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from navstack.core import GridGeometry, LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.core import GridGeometry, InputError, LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization import LoggedScan
 from navstack.logs import GrowingMap, MappingModel, map_from_frames
 from navstack.mapping.mapper import Mapper
@@ -51,8 +51,13 @@ class OnlineMapper(Localizer):
         """The map is not used: it makes its own."""
 
     def set_pose(self, pose: Pose2D, covariance: NDArray[np.float64], stamp: float) -> None:
-        """Set the first pose. Later, a given pose is not used: it would tear the map apart."""
-        if self._estimate is None and pose.is_finite():
+        """Set the first pose. Later, a given pose is not used: it would tear the map apart.
+
+        Raises InputError for a pose or covariance that is not finite.
+        """
+        if not pose.is_finite() or not np.isfinite(covariance).all():
+            raise InputError(f"the initial pose {tuple(pose)} and its covariance must be finite", argument="pose")
+        if self._estimate is None:
             self.start = Transform2D(*pose)
 
     def start_globally(self) -> None:
