@@ -133,7 +133,7 @@ DEFAULT_KERNELS = ("astar", "dwa", "global_planner", "navfn", "trajectory_rollou
 
 
 SAMPLED = 8
-"""Cases of a `sampled` test that CI runs, evenly spaced; the others are marked `exhaustive`."""
+"""Cases of a `sampled` test that CI runs, evenly spaced, where the mark gives no count; the others are marked `exhaustive`."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -145,7 +145,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.get_closest_marker("sampled"):
             families.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for cases in families.values():
-        kept = {round(i * (len(cases) - 1) / (SAMPLED - 1)) for i in range(SAMPLED)}
+        mark = cases[0].get_closest_marker("sampled")
+        count = int(mark.args[0]) if mark is not None and mark.args else SAMPLED
+        kept = {round(i * (len(cases) - 1) / (count - 1)) for i in range(count)}
         for number, item in enumerate(cases):
             if number not in kept:
                 item.add_marker(pytest.mark.exhaustive)

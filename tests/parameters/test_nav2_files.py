@@ -111,7 +111,7 @@ RELEASES = [p for p in BRINGUP if p.stem.removeprefix("nav2_bringup_") in (*NAV2
 ROBOTS = [p for p in FILES if p not in BRINGUP]
 
 
-@pytest.mark.sampled
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("place", ["office", "warehouse"])
 @pytest.mark.parametrize("path", RELEASES, ids=name)
@@ -121,7 +121,7 @@ def test_nav2_bringup_of_every_distribution_drives(path: Path, place: str) -> No
     assert result.collisions == 0
 
 
-@pytest.mark.sampled
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", ROBOTS, ids=name)
 def test_a_robot_reaches_its_goal_or_says_why_not(path: Path) -> None:
