@@ -204,20 +204,29 @@ class World:
         Cells are sampled on two rings of 16 points around each point: exact enough if they are not much smaller than `reach`.
         """
         x, y = points[:, 0], points[:, 1]
-        discs = solids.discs
-        away = np.hypot(x[:, None] - discs[:, 0], y[:, None] - discs[:, 1]) - discs[:, 2]
-        found = (away < reach).any(axis=1)
+        found = np.zeros(len(points), np.bool_)
+        if len(solids.discs):
+            discs = solids.discs
+            away = np.hypot(x[:, None] - discs[:, 0], y[:, None] - discs[:, 1]) - discs[:, 2]
+            found |= (away < reach).any(axis=1)
+        # a circle around the points: most of what is in the world is away from it
+        (x0, y0), (x1, y1) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+        mx, my, extent = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * math.hypot(x1 - x0, y1 - y0)
         circles = solids.circles
-        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-        # from the bounding box of the points to that of the circle
-        aside = np.maximum(circles[:, 0] - x1, x0 - circles[:, 0])
-        above = np.maximum(circles[:, 1] - y1, y0 - circles[:, 1])
-        for k in np.nonzero(np.maximum(aside, above) < circles[:, 2] + reach)[0].tolist():
-            polygon = shapely.Polygon(solids.polygon(k))
-            found = found | (shapely.distance(shapely.points(points), polygon) < reach)
+        between = np.hypot(circles[:, 0] - mx, circles[:, 1] - my)
+        for k in np.flatnonzero(between < circles[:, 2] + (extent + reach)).tolist():
+            cx, cy, radius = circles[k].tolist()
+            near = np.flatnonzero(np.hypot(x - cx, y - cy) < radius + reach)
+            found[near] |= shapely.distance(shapely.points(points[near]), shapely.Polygon(solids.polygon(k))) < reach
         resolution, (_, ny, nx) = self.map.geometry.resolution, self.squares.shape
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
-        dx, dy = x - self.map.geometry.origin_x, y - self.map.geometry.origin_y
+        ox, oy = self.map.geometry.origin_x, self.map.geometry.origin_y
+        u, v = (c * (mx - ox) + s * (my - oy)) / resolution, (c * (my - oy) - s * (mx - ox)) / resolution
+        if 0.0 <= u < nx and 0.0 <= v < ny:
+            free = int(self.squares[:, int(v), int(u)].min()) - 1  # cells in every direction, within the map
+            if free > (extent + reach) / resolution:
+                return found
+        dx, dy = x - ox, y - oy
         ring = np.arange(16) * (math.pi / 8.0)
         rings = np.concatenate(([0.0], 0.5 * reach * np.cos(ring), reach * np.cos(ring)))
         gx = ((c * dx + s * dy)[:, None] + rings) / resolution
