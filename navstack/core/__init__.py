@@ -131,6 +131,7 @@ if TYPE_CHECKING:
     from navstack.core.poses import require_pose as require_pose
     from navstack.core.poses import start_outside_map as start_outside_map
     from navstack.core.sensing import BatteryState as BatteryState
+    from navstack.core.sensing import DeferredCloud as DeferredCloud
     from navstack.core.sensing import DeferredScan as DeferredScan
     from navstack.core.sensing import DockDetection as DockDetection
     from navstack.core.sensing import ImuReading as ImuReading

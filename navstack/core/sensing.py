@@ -91,12 +91,7 @@ class DeferredScan(LaserScan):
     @property
     def ranges(self) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """(n,) float32, meters; computed at the first access."""
-        measured: Any = self._measured
-        if measured is None:
-            measured = self._measure()
-            object.__setattr__(self, "_measured", measured)
-            object.__setattr__(self, "_measure", None)  # releases the references of the function
-        return measured
+        return _measured(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +105,51 @@ class PointCloud:
 
     def __repr__(self) -> str:
         return f"PointCloud({len(self.points)} points, at {self.stamp:.3f} s, frame {self.frame!r})"
+
+
+class DeferredCloud(PointCloud):
+    """A cloud whose points are computed at the first access, as the ranges of a `DeferredScan`."""
+
+    __slots__ = ("_measure", "_measured")
+    _measure: Any
+    _measured: Any
+
+    def __init__(
+        self,
+        points: Callable[[], NDArray[np.float32]] | NDArray[np.float32],
+        stamp: float = 0.0,
+        frame: str = "base_link",
+        topic: str = "points",
+    ) -> None:
+        """`points`: a function that returns `PointCloud.points`, called at most once; or the array (for `replace`)."""
+        put = object.__setattr__
+        measured, measure = (None, points) if callable(points) else (points, None)
+        put(self, "_measure", measure)
+        put(self, "_measured", measured)
+        put(self, "stamp", stamp)
+        put(self, "frame", frame)
+        put(self, "topic", topic)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies: a cloud that has not been computed yet is copied with its function."""
+        measured: Any = self._measured
+        points = self._measure if measured is None else measured
+        return DeferredCloud, (points, self.stamp, self.frame, self.topic)
+
+    @property
+    def points(self) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """(n, 3) float32, meters; computed at the first access."""
+        return _measured(self)
+
+
+def _measured(data: DeferredScan | DeferredCloud) -> NDArray[np.float32]:
+    """Return what a deferred message contains, computed at the first call."""
+    measured: Any = data._measured  # pyright: ignore[reportPrivateUsage]
+    if measured is None:
+        measured = data._measure()  # pyright: ignore[reportPrivateUsage]
+        object.__setattr__(data, "_measured", measured)
+        object.__setattr__(data, "_measure", None)  # releases the references of the function
+    return measured
 
 
 @dataclass(frozen=True, slots=True)

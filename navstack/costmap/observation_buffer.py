@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from navstack.core import (
     BlindSensorError,
+    DeferredCloud,
     DeferredScan,
     FrameError,
     FrameTree,
@@ -380,7 +381,8 @@ class ObservationBuffer:
             if not data.range_max > max(data.range_min, 0.0):
                 valid = 0
         else:
-            total, valid = len(data.points), _valid_points(data.points)
+            points = _points_of(data)
+            total, valid = len(points), _valid_points(points)
             if total == 0 and not params.clearing:
                 return None  # a list of obstacles, and there is none
         if valid >= max(params.min_valid_share * total, 1.0):
@@ -458,11 +460,9 @@ class ObservationBuffer:
         return out, count
 
     def _cloud_points(self, cloud: PointCloud, at: Transform2D) -> tuple[NDArray[np.float32], int]:
-        out = np.empty((len(cloud.points), 3), np.float32)
-        params = self.params
-        count = project_points(
-            cloud.points, at.x, at.y, at.yaw, params.min_obstacle_height, params.max_obstacle_height, out
-        )
+        points, params = _points_of(cloud), self.params
+        out = np.empty((len(points), 3), np.float32)
+        count = project_points(points, at.x, at.y, at.yaw, params.min_obstacle_height, params.max_obstacle_height, out)
         return out, count
 
 
@@ -532,14 +532,26 @@ def _check_scan(scan: LaserScan) -> None:
         )
 
 
-def _check_cloud(cloud: PointCloud) -> None:
+def _points_of(cloud: PointCloud) -> NDArray[np.float32]:
+    """Return the points (n, 3). Raises InputError for those of a `DeferredCloud`, which are not checked when it arrives."""
     points = cloud.points
+    if isinstance(cloud, DeferredCloud):
+        _check_points(points, cloud.topic)
+    return points
+
+
+def _check_points(points: NDArray[np.float32], topic: str) -> None:
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype != np.float32 or not points.flags.c_contiguous:
         raise InputError(
             f"a cloud's points must be a contiguous float32 array of shape (n, 3), not {points.dtype} of shape {points.shape}",
-            topic=cloud.topic,
+            topic=topic,
         )
     if len(points) > MAX_POINTS:
-        raise InputError(f"a cloud has {len(points):,} points; the limit is {MAX_POINTS:,}", topic=cloud.topic)
+        raise InputError(f"a cloud has {len(points):,} points; the limit is {MAX_POINTS:,}", topic=topic)
+
+
+def _check_cloud(cloud: PointCloud) -> None:
+    if not isinstance(cloud, DeferredCloud):  # checked when its points are computed
+        _check_points(cloud.points, cloud.topic)
     if not math.isfinite(cloud.stamp):
         raise InputError(f"a cloud's stamp must be a finite time, not {cloud.stamp}", topic=cloud.topic)

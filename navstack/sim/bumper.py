@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Footprint, PointCloud, Pose2D
+from navstack.core import DeferredCloud, Footprint, PointCloud, Pose2D
 from navstack.parameters import BumperParams
 from navstack.sim.solids import Solids
 from navstack.sim.world import World
@@ -38,16 +38,20 @@ class Bumper:
         """Returns the cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, in the sensor's frame (m).
 
         `index`, for other sensors the number of the scan, is 0 if the robot is not in collision: the cloud is then empty.
-        `solids`: the obstacles at that time, if known.
+        `solids`: the obstacles at that time, if known. The points are computed when they are first read: bumpers publish more
+        often than a costmap looks.
         """
-        points = _NOTHING
-        if index:
-            solids = world.solids_at(stamp) if solids is None else solids
-            # a robot that does not move gets the same cloud again
-            if self._last is None or self._last[0] != base or self._last[1] is not solids:
-                self._last, self._points = (base, solids), self._pressed(world, base, solids)
-            points = self._points
-        return PointCloud(points, stamp, self.params.frame, self.params.topic)
+        p = self.params
+        if not index:
+            return PointCloud(_NOTHING, stamp, p.frame, p.topic)
+        then = world.solids_at(stamp) if solids is None else solids
+        return DeferredCloud(lambda: self._points_at(world, base, then), stamp, p.frame, p.topic)
+
+    def _points_at(self, world: World, base: Pose2D, solids: Solids) -> NDArray[np.float32]:
+        # a robot that does not move gets the same cloud again
+        if self._last is None or self._last[0] != base or self._last[1] is not solids:
+            self._last, self._points = (base, solids), self._pressed(world, base, solids)
+        return self._points
 
     def _pressed(self, world: World, base: Pose2D, solids: Solids) -> NDArray[np.float32]:
         c, s = math.cos(base.yaw), math.sin(base.yaw)

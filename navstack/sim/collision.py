@@ -234,3 +234,40 @@ def clearances(squares, grid, discs, circles, corners, first, footprint, poses, 
     for i in range(len(poses)):
         x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
         out[i] = clearance(squares, grid, discs, circles, corners, first, footprint, x, y, yaw)
+
+
+@kernel
+def find_near(points, reach, samples, squares, grid, solids, found):
+    """Sets `found` (n,) for the points (n, 2) (m, map frame) within `reach` (m) of an occupied cell or of one of the `solids`.
+
+    Occupied cells are looked for at the `samples` (m, 2) (m) around a point.
+    """
+    _, ny, nx = squares.shape
+    resolution = grid[3]
+    c, s = math.cos(grid[2]), math.sin(grid[2])
+    margin = math.ceil(reach / resolution)
+    discs, circles = solids.discs, solids.circles
+    left, right, low, high = math.inf, -math.inf, math.inf, -math.inf
+    for i in range(points.shape[0]):
+        left, right = min(left, points[i, 0]), max(right, points[i, 0])
+        low, high = min(low, points[i, 1]), max(high, points[i, 1])
+    chosen = np.empty(discs.shape[0] + circles.shape[0], np.int64)
+    around = 0.5 * math.hypot(right - left, high - low) + reach
+    count = choose_solids(solids, 0.5 * (left + right), 0.5 * (low + high), around, chosen)
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        is_near = False
+        for j in range(count):
+            k = chosen[j] - discs.shape[0]
+            if is_near or not is_near_solid(solids, chosen[j], reach, x, y):
+                continue
+            is_near = k < 0 or polygon_to_point(solids.corners[solids.first[k] : solids.first[k + 1]], x, y) < reach
+        u, v = c * (x - grid[0]) + s * (y - grid[1]), c * (y - grid[1]) - s * (x - grid[0])
+        gx, gy = u / resolution, v / resolution
+        is_open = 0.0 <= gx < nx and 0.0 <= gy < ny and free_around(squares, int(gx), int(gy)) >= margin
+        for k in range(0 if is_near or is_open else samples.shape[0]):
+            gx, gy = (u + samples[k, 0]) / resolution, (v + samples[k, 1]) / resolution
+            if 0.0 <= gx < nx and 0.0 <= gy < ny and squares[0, int(gy), int(gx)] == 0:
+                is_near = True
+                break
+        found[i] = is_near

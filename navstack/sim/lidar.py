@@ -145,19 +145,48 @@ def rough_angle(x, y):
 
 
 @plain_kernel
+def beams_towards(cx, cy, r, d2, scan):
+    """First and last beam, as real numbers, of the window towards a circle around (cx, cy) (m, sensor's frame).
+
+    `r`: its radius (m); `d2`: the square of its distance, not less than r^2. The window errs to the outside: the angles are
+    rough, and asin(q) <= q + (pi / 2 - 1) q^3. It ends within the first turn; the same window follows in each further turn.
+    """
+    per_radian = 1.0 / scan.angle_increment
+    turn = 2.0 * math.pi * per_radian
+    q = r / math.sqrt(d2)
+    half = (q + ARCSINE * q * q * q + ROUGH) * per_radian
+    center = (rough_angle(cx, cy) - scan.angle_min) * per_radian
+    center -= turn * np.floor((center + half) * (1.0 / turn))
+    return center - half, center + half
+
+
+@plain_kernel
+def is_hidden(ranges, cx, cy, r, d2, scan):
+    """True if all beams towards a circle end before it: what is inside cannot shorten them. Arguments: see `beams_towards`."""
+    n = ranges.shape[0]
+    first, last = beams_towards(cx, cy, r, d2, scan)
+    turn = 2.0 * math.pi / scan.angle_increment
+    nearest = math.sqrt(d2) - r
+    while first <= n - 1:
+        for i in range(max(0, math.ceil(first)), min(n - 1, math.floor(last)) + 1):
+            if ranges[i] > nearest:
+                return False
+        first, last = first + turn, last + turn
+    return True
+
+
+@plain_kernel
 def see_discs(ranges, beams, discs, tops, eye, scan, reach, windows):
     """Shortens the `ranges` (n,) of the beams that hit one of the discs (k, 3) in the map (m), of the heights `tops`.
 
-    The test of a beam is exact. Only the beams between the two tangents need it, so their angles may be rough if they err to the
-    outside: asin(q) <= q + (pi / 2 - 1) q^3. All windows of beams are computed before any beam is tested: the processor cannot
+    The test of a beam is exact, and only the beams between the two tangents need it (`beams_towards`). All windows of beams are
+    computed before any beam is tested: the processor cannot
     predict how many beams a disc has, and must not wait for an angle to find out. `windows` (k, 6) is scratch.
     """
     n = beams.shape[0]
     x, y = eye[0], eye[1]
     c, s = math.cos(eye[2]), math.sin(eye[2])
-    per_radian = 1.0 / scan.angle_increment
-    turn = 2.0 * math.pi * per_radian
-    per_turn = 1.0 / turn
+    turn = 2.0 * math.pi / scan.angle_increment
     number = 0
     for k in range(discs.shape[0]):
         wx, wy, r = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
@@ -166,15 +195,11 @@ def see_discs(ranges, beams, discs, tops, eye, scan, reach, windows):
             ranges[:] = 0.0
             return
         cx, cy = c * wx + s * wy, c * wy - s * wx
-        q = r / math.sqrt(d2)
-        half = (q + ARCSINE * q * q * q + ROUGH) * per_radian
-        center = (rough_angle(cx, cy) - scan.angle_min) * per_radian
-        center -= turn * np.floor((center + half) * per_turn)
         window = windows[number]
-        window[0], window[1] = center - half, center + half
+        window[0], window[1] = beams_towards(cx, cy, r, d2, scan)
         window[2], window[3], window[4], window[5] = cx, cy, r, d2
         # False for a disc that is absent
-        is_seen = tops[k] >= scan.height and d2 <= (reach + r) * (reach + r) and center - half <= n - 1
+        is_seen = tops[k] >= scan.height and d2 <= (reach + r) * (reach + r) and window[0] <= n - 1
         number += 1 if is_seen else 0
     for k in range(number):
         window = windows[k]
@@ -254,6 +279,7 @@ def sweep(leaps, grid, discs, circles, corners, first, tops, eye, beams, setting
         ranges[i] = resolution * cast_ray(flat, ny, nx, px, py, dx, dy, reach / resolution)
 
     see_discs(ranges, beams, discs, tops, eye, scan, reach, np.empty((discs.shape[0], 6)))
+    c, s = math.cos(yaw), math.sin(yaw)
     for k in range(circles.shape[0]):
         wx, wy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
         d2 = wx * wx + wy * wy
@@ -262,6 +288,8 @@ def sweep(leaps, grid, discs, circles, corners, first, tops, eye, beams, setting
         polygon = corners[first[k] : first[k + 1]]
         if d2 <= r * r and polygon_contains(polygon, x, y):
             ranges[:] = 0.0
+            continue
+        if d2 > r * r and is_hidden(ranges, c * wx + s * wy, c * wy - s * wx, r, d2, scan):
             continue
         see_polygon(ranges, beams, polygon, eye, angle_min, angle_increment)
     return measured_ranges(ranges, noise, scan.range_min, scan.range_max)

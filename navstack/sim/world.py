@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, GridGeometry, InputError, OccupancyGrid, Pose2D
-from navstack.sim.collision import clearances, find_collision
+from navstack.sim.collision import clearances, find_collision, find_near
 from navstack.sim.crowd import Crowd
 from navstack.sim.map_cells import cell_tables
 from navstack.sim.movers import Mover, TimedShapes
@@ -24,6 +23,10 @@ FAR_M = 1e6
 """Coordinate of a place from where a robot has no influence (m)."""
 
 _POINT = np.zeros((1, 2))
+_DIRECTIONS = np.arange(16) * (math.pi / 8.0)
+_CIRCLE: NDArray[np.float64] = np.column_stack((np.cos(_DIRECTIONS), np.sin(_DIRECTIONS)))
+_RINGS: NDArray[np.float64] = np.concatenate((np.zeros((1, 2)), 0.5 * _CIRCLE, _CIRCLE))
+"""(33, 2) samples of the unit disc: its center and two rings."""
 
 
 class World:
@@ -203,29 +206,9 @@ class World:
 
         Cells are sampled on two rings of 16 points around each point: exact enough if they are not much smaller than `reach`.
         """
-        x, y = points[:, 0], points[:, 1]
-        discs = solids.discs
-        away = np.hypot(x[:, None] - discs[:, 0], y[:, None] - discs[:, 1]) - discs[:, 2]
-        found = (away < reach).any(axis=1)
-        circles = solids.circles
-        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-        # from the bounding box of the points to that of the circle
-        aside = np.maximum(circles[:, 0] - x1, x0 - circles[:, 0])
-        above = np.maximum(circles[:, 1] - y1, y0 - circles[:, 1])
-        for k in np.nonzero(np.maximum(aside, above) < circles[:, 2] + reach)[0].tolist():
-            polygon = shapely.Polygon(solids.polygon(k))
-            found = found | (shapely.distance(shapely.points(points), polygon) < reach)
-        resolution, (_, ny, nx) = self.map.geometry.resolution, self.squares.shape
-        c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
-        dx, dy = x - self.map.geometry.origin_x, y - self.map.geometry.origin_y
-        ring = np.arange(16) * (math.pi / 8.0)
-        rings = np.concatenate(([0.0], 0.5 * reach * np.cos(ring), reach * np.cos(ring)))
-        gx = ((c * dx + s * dy)[:, None] + rings) / resolution
-        rings = np.concatenate(([0.0], 0.5 * reach * np.sin(ring), reach * np.sin(ring)))
-        gy = ((c * dy - s * dx)[:, None] + rings) / resolution
-        inside = (gx >= 0.0) & (gy >= 0.0) & (gx < nx) & (gy < ny)
-        ix, iy = np.where(inside, gx, 0.0).astype(np.int64), np.where(inside, gy, 0.0).astype(np.int64)
-        return found | (inside & (self.squares[0, iy, ix] == 0)).any(axis=1)
+        found = np.zeros(len(points), np.bool_)
+        find_near(points, reach, reach * _RINGS, self.squares, self.grid, solids.geometry, found)
+        return found
 
     def identify(self, hit: int, solids: Solids) -> tuple[str, int, float, float]:
         """Decodes a result of `find_collision`: kind, index and center x, y (m) of the obstacle.

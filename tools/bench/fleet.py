@@ -10,6 +10,7 @@ counted unless `--warm-up 0`.
 from __future__ import annotations
 
 import argparse
+import gc
 import time
 from collections.abc import Callable
 from typing import Any
@@ -102,6 +103,7 @@ def main() -> None:
     parser.add_argument("--map", default="warehouse")
     parser.add_argument("--params", default="turtlebot")
     given = parser.parse_args()
+    gc.set_threshold(100_000, 20, 20)  # as the command navstack
     measure(min(2, max(given.robots)), 1.0, 0.5, given.map, given.params)  # loads the kernels
     print("robots  build s  times real time  ms per robot and s  bodies %  frames, sensors %  stacks %")
     for count in given.robots:
