@@ -121,7 +121,7 @@ def drive(
         reports = [
             RobotReport(
                 r.name,
-                Pose2D(*map(float, r.xy), 0.0),
+                Pose2D(float(r.xy[0]), float(r.xy[1]), 0.0),
                 case.radius,
                 r.goals[0] if r.goals else None,
                 r.priority,
@@ -150,7 +150,7 @@ def _move(robot: Disc, grant: Grant | None, graph: RouteGraph, step: float, now:
     if grant is not None and grant.nodes and grant.time > robot.granted:
         robot.granted, robot.until = grant.time, grant.until
         nodes = grant.nodes
-        if robot.nodes[:2] in pairwise(nodes):  # on the way it has driven since the report
+        if robot.nodes[:2] in list(pairwise(nodes)):  # on the way it has driven since the report
             nodes = nodes[next(k for k, leg in enumerate(pairwise(nodes)) if leg == robot.nodes[:2]) :]
         elif len(robot.nodes) == 1 and robot.nodes[0] in nodes:
             nodes = nodes[nodes.index(robot.nodes[0]) :]

@@ -1,7 +1,7 @@
 """Shunting: takes one robot to its goal on a route graph, one move of one robot at a time, with the others put out of its way.
 
 Pebble motion with one named pebble (Papadimitriou et al., FOCS 1994): the others are put anywhere. A move goes along one edge
-while all the others stand at nodes. So a robot that is pushed along a chain of others needs a free node, a hole, at the chain's end.
+while all the others stand at nodes. So a robot that is pushed along a chain of others needs a free node at the end of the chain.
 """
 
 from __future__ import annotations

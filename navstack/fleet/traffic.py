@@ -335,11 +335,14 @@ class _GraphTraffic(TrafficRule):
             robot.edges.append(-1)
             robot.shapes.append(shapely.LineString([(x, y), place]))
         robot.left_m = math.hypot(x - place[0], y - place[1])
+        corners = [(x, y), place]
         if robot.clear > 0:
-            robot.left_m += math.hypot(*(xy[route[1]] - place))
+            corners.append(tuple(xy[route[1]].tolist()))
+            robot.left_m += math.dist(place, corners[-1])
+        (low_x, high_x), (low_y, high_y) = ((min(each), max(each)) for each in zip(*corners))
+        robot.box = (low_x, low_y, high_x, high_y)
         for a, b in pairwise(route[1 : robot.clear + 1]):
             self._hold(robot, a, b)
-        robot.box = tuple(shapely.total_bounds(robot.shapes).tolist())
 
     def _cut(self, robot: _Robot) -> None:
         """Take back what a robot that is silent, and so has stopped, cannot have reached: all beyond the next node."""
@@ -670,10 +673,10 @@ class Reservation(_GraphTraffic):
     """Reserves nodes and edges ahead for the robot of the highest rank; dissolves deadlocks when they close.
 
     A robot is in a deadlock if it waits for others that do not drive on by themselves: each waits for the next one in a circle,
-    or stands idle. One of a circle takes another route if there is one. Otherwise the robot of the highest rank is taken to its goal
-    by moves of one robot at a time, found by a search (`Shunting`), with the others put out of its way. These moves go in their
-    order as far as they come near to each other, and nobody else stops in their way. So they are carried out whatever the robots'
-    speeds, and the robot that has been on its way for longest reaches its goal.
+    or stands idle. One of a circle takes another route if there is one. Otherwise the robot of the highest rank is taken to its
+    goal by moves of one robot at a time, found by a search (`Shunting`), with the others put out of its way. These moves go in
+    their order as far as they come near to each other, and nobody else stops in their way. So they are carried out whatever the
+    robots' speeds, and the robot that has been on its way for longest reaches its goal.
     """
 
     name = "reservation"
