@@ -203,11 +203,6 @@ class _Robot:
         """True: it does not move, whatever it is granted."""
         return self.silent or not self.report.active
 
-    @property
-    def drives(self) -> bool:
-        """True: the end of its grant is ahead."""
-        return self.clear > 0 and not self.lost
-
 
 class _GraphTraffic(TrafficRule):
     """Keeps what each robot has passed, holds and needs; a subclass decides about the next node."""
@@ -596,34 +591,6 @@ class _GraphTraffic(TrafficRule):
                 return name
         return ""
 
-    def _closing(self, robot: _Robot, node: int) -> tuple[str, ...]:
-        """Return the robots that could not leave their places any more if one drove to a node, by one-way edges."""
-        if (node, robot.end) in self._edge:
-            return ()  # it can drive back
-        ends = {name: other.end for name, other in self._robots.items()}
-        shut = self._shut(ends)
-        return tuple(sorted(self._shut({**ends, robot.name: node}) - shut))
-
-    def _shut(self, at: dict[str, int]) -> set[str]:
-        """Return the robots all of whose next edges are barred by one another."""
-        graph, robots = self._graph, self._robots
-        shut = {name for name, node in at.items() if graph.first[node] < graph.first[node + 1]}
-        while True:
-            free = {
-                name
-                for name in shut
-                for edge in range(int(graph.first[at[name]]), int(graph.first[at[name] + 1]))
-                if not robots[name].lost
-                and not any(
-                    at[other] in self._nodes_near(edge, self._gap(robots[name], robots[other]))
-                    for other in shut
-                    if other != name
-                )
-            }
-            if not free:
-                return shut
-            shut -= free
-
     # --- what the robots are told -------------------------------------------------------------------------------------
 
     def _grant(self, robot: _Robot, now: float) -> Grant:
@@ -682,10 +649,6 @@ class Reservation(_GraphTraffic):
     name = "reservation"
 
     def _decide(self, now: float, robots: list[_Robot]) -> None:
-        movers = self._movers
-        for robot in robots:
-            if robot.name not in movers:
-                self._plan(robot)
         self._reserve_all(robots)
         tried: set[str] = set()
         while jam := self._jam(robots, tried):
@@ -698,6 +661,7 @@ class Reservation(_GraphTraffic):
         movers = self._movers
         for robot in robots:
             if robot.name not in movers:
+                self._plan(robot)
                 self._reserve(robot)
 
     # --- routes -------------------------------------------------------------------------------------------------------
@@ -751,13 +715,6 @@ class Reservation(_GraphTraffic):
                     break
             if claimed:
                 robot.text, robot.blockers = "lets pass", {claimed: ""}
-                return
-            if shut := self._closing(robot, robot.route[robot.clear + count]):
-                others = [name for name in shut if name != robot.name] or list(shut)
-                robot.text, robot.hard = "waits for", tuple(others)
-                robot.blockers = dict.fromkeys(
-                    others, f"the way out of node {self._id(robot.route[robot.clear + count])}"
-                )
                 return
             for _ in range(count):
                 self._extend(robot)
@@ -823,7 +780,8 @@ class Reservation(_GraphTraffic):
             if not self._help(helped):
                 if key not in self._said:
                     self._said.add(key)
-                    text = f"nothing takes {helped.name} to node {self._id(helped.goal or 0)} past {', '.join(names)}"
+                    others = ", ".join(name for name in names if name != helped.name)
+                    text = f"nothing takes {helped.name} to node {self._id(helped.goal or 0)} past {others}"
                     self._tell(now, "stuck", names, text)
                 return False
             ends = {name: int(self._graph.ends[edge]) for name, edge in self._moves[before:] if name != helped.name}
@@ -912,7 +870,7 @@ class Pibt(_GraphTraffic):
                 blocked, first_hard = blockers, hard
             if any(other.name in hard for other in above):
                 continue  # robots in a circle would wait for each other
-            if self._claimed_by(robot, int(graph.ends[edge])) or self._closing(robot, int(graph.ends[edge])):
+            if self._claimed_by(robot, int(graph.ends[edge])):
                 continue
             if any(name in decided for name in hard):
                 if all(decided.get(name, -1) >= 0 for name in hard):
@@ -1038,8 +996,16 @@ class TrafficControl:
     """A rule behind a communication: takes what the robots report, and keeps the last grant that has reached each of them."""
 
     def __init__(self, rule: TrafficRule, communication: Communication | None = None) -> None:
+        """Raises InputError if messages take so long that every grant ends before the next one arrives."""
         self.rule = rule
         self.communication = communication or Communication()
+        needed = 2.0 * self.communication.delay_s + _BRAKING_S
+        if isinstance(rule, _GraphTraffic) and rule.params.silence <= needed:
+            raise InputError(
+                f"messages take {self.communication.delay_s:g} s in each direction, but a robot without a report for "
+                f"{rule.params.silence:g} s has to stop; make silence more than {needed:g} s, or the delay shorter",
+                value=rule.params.silence,
+            )
         self.grants: dict[str, Grant] = {}
         """By the name of the robot: what it knows."""
         self._reports: list[tuple[float, RobotReport]] = []
