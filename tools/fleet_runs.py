@@ -14,6 +14,7 @@ import math
 import sys
 import time
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,10 @@ class Disc:
     alive: bool = True
     nodes: tuple[int, ...] = ()
     """Ids of what it has been granted, beginning with the last node that it passed."""
+    granted: float = -math.inf
+    """When its grant was given (s)."""
+    until: float = math.inf
+    """When its grant ends (s)."""
     driven_m: float = 0.0
     waited_s: float = 0.0
     reached: list[float] = field(default_factory=list)
@@ -84,10 +89,14 @@ def drive(
     params: TrafficParams | None = None,
     link: Communication | None = None,
     deaths: dict[str, float] | None = None,
+    silences: dict[str, tuple[float, float]] | None = None,
     order: int = 0,
     check: bool = True,
 ) -> Result:
-    """Drive all robots through their goals; `order` turns the list of reports, `check` looks for contacts."""
+    """Drive all robots through their goals; `order` turns the list of reports, `check` looks for contacts.
+
+    `deaths`: when robots stop for good; `silences`: from when until when their messages are lost (s).
+    """
     rng = np.random.default_rng(seed)
     robots = [
         Disc(
@@ -108,23 +117,26 @@ def drive(
             for robot in robots:
                 if robot.name == name and now >= at:
                     robot.alive = False
+        mute = {name for name, (begin, end) in (silences or {}).items() if begin <= now < end}
         reports = [
             RobotReport(
                 r.name,
-                Pose2D(*map(float, r.xy), 0.0),
+                Pose2D(float(r.xy[0]), float(r.xy[1]), 0.0),
                 case.radius,
                 r.goals[0] if r.goals else None,
                 r.priority,
                 r.alive,
                 now,
+                speed=1.0,
             )
             for r in robots
+            if r.name not in mute
         ]
-        turn = order % len(reports)
+        turn = order % max(len(reports), 1)
         grants = control.update(now, reports[turn:] + reports[:turn])
         for robot in robots:
             if robot.alive:
-                _move(robot, grants.get(robot.name), case.graph, step, now)
+                _move(robot, None if robot.name in mute else grants.get(robot.name), case.graph, step, now)
         if check:
             contacts |= _contacts(robots, case.radius)
         now += step
@@ -135,21 +147,15 @@ def drive(
 
 
 def _move(robot: Disc, grant: Grant | None, graph: RouteGraph, step: float, now: float) -> None:
-    if grant is not None and grant.nodes:
-        # what is granted continues what the robot has: an old grant begins farther behind
-        have = robot.nodes
-        for k in range(len(have)):
-            rest = have[k:]
-            if grant.nodes[: len(rest)] == rest:
-                robot.nodes = have[:k] + grant.nodes
-                break
-        else:
-            for k in range(1, len(grant.nodes)):
-                if have[: len(grant.nodes) - k] == grant.nodes[k:] or grant.nodes[k : k + len(have)] == have:
-                    if len(grant.nodes) - k > len(have):
-                        robot.nodes = grant.nodes[k:]
-                    break
-    left = robot.speed * step
+    if grant is not None and grant.nodes and grant.time > robot.granted:
+        robot.granted, robot.until = grant.time, grant.until
+        nodes = grant.nodes
+        if robot.nodes[:2] in list(pairwise(nodes)):  # on the way it has driven since the report
+            nodes = nodes[next(k for k, leg in enumerate(pairwise(nodes)) if leg == robot.nodes[:2]) :]
+        elif len(robot.nodes) == 1 and robot.nodes[0] in nodes:
+            nodes = nodes[nodes.index(robot.nodes[0]) :]
+        robot.nodes = nodes
+    left = robot.speed * step if now < robot.until else 0.0
     while left > 1e-9 and len(robot.nodes) > 1:
         target = graph.xy[graph.node(robot.nodes[1])].astype(float)
         way = target - robot.xy

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -11,6 +12,7 @@ from navstack.plugins import Behavior, BehaviorContext, BehaviorStatus, Behavior
 PATIENCE_S: Final = 2.5
 """Time without a command of the local planner after which the local costmap forgets its obstacles (s)."""
 STARTING: Final = "waits for the first grant of the traffic control"
+EXPIRED: Final = "has had no word from the traffic control, and its grant has ended"
 
 PathOf = Callable[[tuple[int, ...], Pose2D | None], Path]
 """Returns the path along nodes (ids) from a pose on."""
@@ -32,6 +34,8 @@ class GuidedDrive(Behavior[None]):
         self.target = target
         self.nodes: tuple[int, ...] = ()
         """The granted nodes."""
+        self.until = math.inf
+        """When the grant ends (s): the robot stands from then on, unless there is a later one."""
         self.reason = STARTING
         """Why it does not drive on; empty while it may drive."""
         self.blocked_since: float | None = None
@@ -47,10 +51,10 @@ class GuidedDrive(Behavior[None]):
         self._context: BehaviorContext | None = None
         self._told = ""
 
-    def grant(self, nodes: tuple[int, ...], reason: str) -> None:
-        """Take a grant: the nodes from the last one passed on, and why it goes no farther."""
+    def grant(self, nodes: tuple[int, ...], reason: str, until: float = math.inf) -> None:
+        """Take a grant: the nodes from the last one passed on, why it goes no farther, and when it ends (s)."""
         self._changed = self._changed or (nodes != self.nodes and nodes[-1:] != self.nodes[-1:])
-        self.nodes, self.reason = nodes, reason
+        self.nodes, self.reason, self.until = nodes, reason, until
 
     def start(self, context: BehaviorContext, now: float) -> None:
         """Prepare the first step."""
@@ -65,7 +69,11 @@ class GuidedDrive(Behavior[None]):
         del state
         context = self._context
         assert context is not None and context.control_input is not None
+        if now >= self.until:
+            self.reason = EXPIRED
         self._tell(context, now)
+        if now >= self.until:
+            return BehaviorStep(BehaviorStatus.RUNNING, Twist2D())
         if self._changed:
             self._changed = False
             path = self._path_of(self.nodes, context.global_costmap.robot_pose(now))

@@ -525,6 +525,7 @@ class FleetRun:
             True,
             self.time,
             1.0 if battery is None else battery.charge,
+            member.move_base.local_planner.limits.max_vel_trans,
         )
 
     def _take_grant(self, member: MemberRun, grant: Grant) -> None:
@@ -535,7 +536,7 @@ class FleetRun:
                 guided = self._make_way(member, last)
         if guided is None:
             return
-        guided.grant(grant.nodes, grant.reason)
+        guided.grant(grant.nodes, grant.reason, grant.until)
         if grant.reason != member.wait_reason:
             self._end_wait(member)
             member.wait_reason, member.waits_since = grant.reason, self.time if grant.reason else None

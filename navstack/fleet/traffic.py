@@ -1,9 +1,10 @@
 """Traffic: which robot may drive how far on a route graph, who waits for whom, and how a deadlock is dissolved.
 
-A rule reads reports of the robots and returns a grant for each: nodes that it may drive through, which are never taken back, and
-the horizon beyond them. What a robot has been granted from its last reported place on is reserved for it; two reservations keep
-the distance at which the footprints pass. So an old report makes a reservation longer, never shorter, and a lost grant only
-makes a robot wait. The result depends on the reports, not on their order.
+A rule reads reports of the robots and returns a grant for each: nodes that it may drive through, and the horizon beyond them.
+What a robot has been granted from its last reported place on is reserved for it; two reservations keep the distance at which the
+footprints pass. So an old report makes a reservation longer, never shorter, and a lost grant only makes a robot wait. A grant is
+a lease: it is taken back only from a robot that has not reported for so long that it has stopped. The result depends on the
+reports, not on their order.
 """
 
 from __future__ import annotations
@@ -21,12 +22,15 @@ import numpy as np
 import shapely
 
 from navstack.core import InputError, Path, Pose2D
+from navstack.fleet.shunting import Move, Shunting
 from navstack.plugins import ParamModel, param
 from navstack.routes import NoValidRouteError, RouteGraph, RoutePlanner
 
 _EPSILON: Final = 1e-6
 _OFF_LINE_M: Final = 0.02
 """A robot farther than this from its edge holds the way back to it, too."""
+_BRAKING_S: Final = 1.0
+"""Time from the end of a grant to the time at which the traffic control takes the robot to stand (s)."""
 
 
 class TrafficParams(ParamModel):
@@ -36,7 +40,9 @@ class TrafficParams(ParamModel):
     margin: float = param(0.1, "distance between two footprints at which they still pass each other", unit="m", ge=0.0)
     reach: float = param(0.3, "a node counts as passed at this distance", unit="m", gt=0.0)
     aging: float = param(30.0, "a robot on its way for this time counts as one priority higher", unit="s", gt=0.0)
-    silence: float = param(5.0, "routes avoid a robot without a report for this time", unit="s", gt=0.0)
+    silence: float = param(
+        5.0, "a robot without a report for this time is an obstacle; it stops one second before", unit="s", gt=1.0
+    )
     detour: float = param(2.0, "to dissolve a deadlock a route may be this many times as long", ge=1.0)
     path_density: float = param(0.05, "distance between poses of the path of a grant", unit="m", gt=0.0)
 
@@ -60,6 +66,8 @@ class RobotReport:
     """When it was written (s)."""
     battery: float = 1.0
     """State of charge, 0 to 1."""
+    speed: float = math.inf
+    """How fast it drives at most (m/s)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +75,7 @@ class Grant:
     """What a robot may do."""
 
     nodes: tuple[int, ...] = ()
-    """Ids of the nodes from the last one passed to the last one it may drive to; those are never taken back."""
+    """Ids of the nodes from the last one passed to the last one it may drive to."""
     horizon: tuple[int, ...] = ()
     """Ids of the nodes after them, which may change."""
     reason: str = ""
@@ -78,6 +86,8 @@ class Grant:
     """True: no graph, it drives to its goal as it likes."""
     time: float = 0.0
     """When it was given (s)."""
+    until: float = math.inf
+    """The robot stops at this time unless a later grant has reached it (s)."""
 
     @property
     def up_to(self) -> int | None:
@@ -168,15 +178,11 @@ class _Robot:
     box: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     left_m: float = 0.0
     """Way to the end of the grant."""
-    aside: str = ""
-    """Name of the robot that it makes way for."""
-    way_back: frozenset[int] = frozenset()
-    """Nodes that robot has to have passed before this one returns."""
     avoided: set[str] = field(default_factory=set[str])
     """Robots for which it has taken another route to its goal: not twice, or it goes to and fro between two of them."""
     silent: bool = False
-    stranded: bool = False
-    """True: robots that stand for good bar every way to its goal."""
+    stopped: bool = False
+    """True: its last report changed whether it can drive."""
     text: str = ""
     """Why it waits, without whom for."""
     blockers: dict[str, str] = field(default_factory=dict[str, str])
@@ -194,6 +200,7 @@ class _Robot:
 
     @property
     def lost(self) -> bool:
+        """True: it does not move, whatever it is granted."""
         return self.silent or not self.report.active
 
 
@@ -206,10 +213,17 @@ class _GraphTraffic(TrafficRule):
         self._planner = RoutePlanner(self._graph)
         self._xy = self._graph.xy.astype(np.float64)
         self._robots: dict[str, _Robot] = {}
+        self._moves: list[Move] = []
+        """Those that dissolve deadlocks and have not been granted yet: each waits for the earlier ones that it comes near to."""
         self._said: set[tuple[str, ...]] = set()
+        self._hopeless: dict[str, tuple[tuple[str, int, bool], ...]] = {}
+        """Robots that cannot be helped, with where all robots stood."""
+        self._near_nodes: dict[tuple[int, float], frozenset[int]] = {}
+        self._near_edges: dict[tuple[int, float], frozenset[int]] = {}
         xy, starts, ends = self._xy, self._graph.starts, self._graph.ends
         self._lines: Any = shapely.linestrings(np.stack([xy[starts], xy[ends]], axis=1))
         self._points: Any = shapely.points(xy)
+        self._tree_of_lines, self._tree_of_points = shapely.STRtree(self._lines), shapely.STRtree(self._points)
         self._boxes: list[list[float]] = shapely.bounds(self._lines).tolist()
         self._edge: dict[tuple[int, int], int] = {}
         for edge, pair in enumerate(zip(starts.tolist(), ends.tolist())):
@@ -227,11 +241,16 @@ class _GraphTraffic(TrafficRule):
             self._take(report, now)
         robots = [self._robots[name] for name in sorted(self._robots)]
         for robot in robots:
+            was_lost = robot.lost
+            self._advance(robot)
             silent = now - robot.report.time > self.params.silence
             if silent and not robot.silent:
                 self._tell(now, "silent", (robot.name,), f"{robot.name} has not reported for {self.params.silence:g} s")
+                self._cut(robot)
             robot.silent = silent
-            self._advance(robot)
+            if robot.lost != was_lost or robot.stopped:
+                robot.stopped = False
+                self._drop_moves()  # they count on where it stands
         self._decide(now, sorted(robots, key=lambda robot: self._rank(robot, now)))
         return {robot.name: self._grant(robot, now) for robot in robots}
 
@@ -245,6 +264,7 @@ class _GraphTraffic(TrafficRule):
 
     def forget(self, name: str) -> None:
         """Take a robot out, once it has been carried away: nothing is reserved for it any more."""
+        self._drop_moves()
         self._robots.pop(name, None)
 
     def _held(self, robot: _Robot) -> tuple[str, ...]:
@@ -258,20 +278,10 @@ class _GraphTraffic(TrafficRule):
     def _tell(self, now: float, kind: str, robots: Iterable[str], text: str) -> None:
         self.events.append(TrafficEvent(now, kind, tuple(robots), text))
 
-    def _rank(self, robot: _Robot, now: float) -> tuple[float, str, int]:
-        """Return what sorts the robots, highest rank first: priority and time on the way, then the name; idle robots come last.
-
-        Who makes way for another robot inherits its rank.
-        """
-        ranks: list[tuple[float, str, int]] = []
-        seen = set[str]()
-        each: _Robot | None = robot
-        while each is not None and each.name not in seen:
-            age = (now - each.since) / self.params.aging if each.goal is not None else -1e9
-            ranks.append((-each.report.priority - age, each.name, len(seen)))
-            seen.add(each.name)
-            each = self._robots.get(each.aside)
-        return min(ranks)
+    def _rank(self, robot: _Robot, now: float) -> tuple[float, str]:
+        """Return what sorts the robots, highest rank first: priority and time on the way, then name; idle robots come last."""
+        age = (now - robot.since) / self.params.aging if robot.goal is not None else -1e9
+        return -robot.report.priority - age, robot.name
 
     # --- where the robots are -----------------------------------------------------------------------------------------
 
@@ -288,6 +298,7 @@ class _GraphTraffic(TrafficRule):
             robot.avoided.clear()
         if not report.active and robot.report.active:
             self._tell(now, "stuck", (report.name,), f"{report.name} cannot drive")
+        robot.stopped = robot.stopped or report.active != robot.report.active
         robot.report = report
 
     def _advance(self, robot: _Robot) -> None:
@@ -319,11 +330,31 @@ class _GraphTraffic(TrafficRule):
             robot.edges.append(-1)
             robot.shapes.append(shapely.LineString([(x, y), place]))
         robot.left_m = math.hypot(x - place[0], y - place[1])
+        corners = [(x, y), place]
         if robot.clear > 0:
-            robot.left_m += math.hypot(*(xy[route[1]] - place))
+            corners.append(tuple(xy[route[1]].tolist()))
+            robot.left_m += math.dist(place, corners[-1])
+        (low_x, high_x), (low_y, high_y) = ((min(each), max(each)) for each in zip(*corners))
+        robot.box = (low_x, low_y, high_x, high_y)
         for a, b in pairwise(route[1 : robot.clear + 1]):
             self._hold(robot, a, b)
-        robot.box = tuple(shapely.total_bounds(robot.shapes).tolist())
+
+    def _cut(self, robot: _Robot) -> None:
+        """Take back what a robot that is silent, and so has stopped, cannot have reached: all beyond the next node."""
+        reach = robot.report.speed * self.params.silence
+        way, place = 0.0, 1
+        while place < robot.clear:
+            way += (
+                math.hypot(*(self._xy[robot.route[1]] - robot.report.pose[:2]))
+                if place == 1
+                else float(self._graph.lengths[self._edge[robot.route[place - 1], robot.route[place]]])
+            )
+            if way > reach:
+                break
+            place += 1
+        robot.clear = min(robot.clear, place)
+        del robot.route[robot.clear + 1 :]
+        self._advance(robot)
 
     @staticmethod
     def _nearest(x: float, y: float, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, float]:
@@ -392,10 +423,7 @@ class _GraphTraffic(TrafficRule):
                 need = now_m
             line = other.edges[near]
             found[name] = f"edge {int(self._graph.edge_ids[line])}" if line >= 0 else f"node {self._id(other.end)}"
-            if (
-                not other.report.active
-                or shapely.distance(self._lines[edge], self._points[other.end]) < need - _EPSILON
-            ):
+            if other.lost or shapely.distance(self._lines[edge], self._points[other.end]) < need - _EPSILON:
                 hard.append(name)
         return found, tuple(hard)
 
@@ -419,6 +447,150 @@ class _GraphTraffic(TrafficRule):
             held |= behind
         return held, at_end
 
+    # --- deadlocks ----------------------------------------------------------------------------------------------------
+
+    def _nodes_near(self, edge: int, gap: float) -> frozenset[int]:
+        """Return the nodes at which a robot is in the way of another one on an edge; not if that one drives away from there."""
+        key = edge, gap
+        if key not in self._near_nodes:
+            start, end = self._points[self._graph.starts[edge]], self._points[self._graph.ends[edge]]
+            near = self._tree_of_points.query(self._lines[edge], predicate="dwithin", distance=gap - _EPSILON)
+            spots = self._points[near]
+            stays = ~self._parts(start, self._lines[edge], end, spots, gap)
+            groups = self._groups_on(edge)
+            same = {node for node, others in self._groups_of_node.items() if groups & others}
+            self._near_nodes[key] = frozenset(near[stays].tolist()) | same - {int(self._graph.starts[edge])}
+        return self._near_nodes[key]
+
+    def _edges_near(self, edge: int, gap: float) -> frozenset[int]:
+        """Return the edges on which a robot is in the way of another one on an edge."""
+        key = edge, gap
+        if key not in self._near_edges:
+            near = self._tree_of_lines.query(self._lines[edge], predicate="dwithin", distance=gap - _EPSILON)
+            groups = self._groups_on(edge) | self._groups_of_node.get(int(self._graph.starts[edge]), frozenset())
+            same = (other for other in range(self._graph.edge_count) if groups and groups & self._groups_on(other))
+            self._near_edges[key] = frozenset(near.tolist()) | frozenset(same)
+        return self._near_edges[key]
+
+    @staticmethod
+    def _parts(start: Any, line: Any, end: Any, other: Any, gap: float) -> Any:
+        """Return whether a robot that stands too near to another one (or an array of them) already drives away from it."""
+        now_m = shapely.distance(start, other)
+        return (
+            (now_m < gap) & (shapely.distance(line, other) >= now_m - _EPSILON) & (shapely.distance(end, other) > now_m)
+        )
+
+    def _edges_at(self, robot: _Robot, gap: float) -> frozenset[int]:
+        """Return the edges on which a robot that stands is in the way."""
+        found: set[int] = set()
+        for shape in robot.shapes:
+            near = self._tree_of_lines.query(shape, predicate="dwithin", distance=gap - _EPSILON)
+            starts, ends = self._points[self._graph.starts[near]], self._points[self._graph.ends[near]]
+            found.update(near[~self._parts(starts, self._lines[near], ends, shape, gap)].tolist())
+        return frozenset(found)
+
+    def _shunting(self) -> Shunting:
+        """Return the search for moves with the robots where their grants and moves end."""
+        robots = self._robots
+        standing = {
+            name: robot
+            for name, robot in robots.items()
+            if robot.clear == 0 and not robot.lost and -1 in robot.edges and name not in self._movers
+        }
+        lost = [robot for robot in robots.values() if robot.lost]
+        edges: dict[tuple[str, float], frozenset[int]] = {}
+        radii = {name: robot.report.radius + self.params.margin for name, robot in robots.items()}
+
+        def edges_at(robot: _Robot, gap: float) -> frozenset[int]:
+            key = robot.name, gap
+            if key not in edges:
+                edges[key] = self._edges_at(robot, gap)
+            return edges[key]
+
+        def in_way(name: str, edge: int, other: str) -> frozenset[int]:
+            gap = radii[name] + robots[other].report.radius
+            nodes = self._nodes_near(edge, gap)
+            if other in standing and edge in edges_at(standing[other], gap):
+                nodes |= {standing[other].end}
+            return nodes
+
+        def closed(name: str, edge: int) -> bool:
+            return any(edge in edges_at(robot, radii[name] + robot.report.radius) for robot in lost)
+
+        return Shunting(self._graph, in_way, closed)
+
+    def _drop_moves(self) -> None:
+        for name in self._movers & set(self._robots):
+            robot = self._robots[name]
+            del robot.route[robot.clear + 1 :]
+        self._moves.clear()
+
+    @property
+    def _movers(self) -> set[str]:
+        return {name for name, _ in self._moves}
+
+    def _help(self, robot: _Robot) -> bool:
+        """Find moves that take a robot to its goal and put the others out of its way; False if there are none."""
+        at = {name: other.end for name, other in sorted(self._robots.items()) if not other.lost}
+        for name, edge in self._moves:
+            at[name] = int(self._graph.ends[edge])
+        state = tuple((name, other.end, other.clear == 0) for name, other in sorted(self._robots.items()))
+        if robot.goal is None or robot.lost or self._hopeless.get(robot.name) == state:
+            return False
+        moves = self._shunting().find(at, robot.name, robot.goal)
+        if not moves:
+            self._hopeless[robot.name] = state
+            return False
+        self._moves += moves
+        return True
+
+    def _follow_moves(self) -> None:
+        """Grant the moves that are not too near to earlier ones."""
+        for name in self._movers:
+            robot = self._robots[name]
+            del robot.route[robot.clear + 1 :]
+            robot.text, robot.blockers, robot.hard = "", {}, ()
+        kept: list[Move] = []
+        waiting: set[str] = set()
+        for name, edge in self._moves:
+            robot = self._robots[name]
+            if name not in waiting:
+                earlier = next(
+                    (
+                        each
+                        for each in kept
+                        if edge in self._edges_near(each[1], self._gap(robot, self._robots[each[0]]))
+                    ),
+                    None,
+                )
+                blockers: dict[str, str] = {}
+                if earlier is not None:
+                    robot.blockers = {earlier[0]: ""}
+                    robot.text = "lets pass"
+                elif robot.left_m < self.params.ahead:
+                    blockers, robot.hard = self._conflicts(robot, edge)
+                    robot.text, robot.blockers = ("waits for" if blockers else ""), blockers
+                robot.route.append(int(self._graph.ends[edge]))
+                free = earlier is None and not blockers and robot.left_m < self.params.ahead
+                if free and not self._turns_back(robot):
+                    self._extend(robot)
+                    continue
+                waiting.add(name)
+                if not kept and any(self._robots[each].clear == 0 for each in robot.hard):
+                    self._drop_moves()  # it does not stand where it was expected to
+                    return
+            else:
+                robot.route.append(int(self._graph.ends[edge]))
+            kept.append((name, edge))
+        self._moves = kept
+
+    def _claimed_by(self, robot: _Robot, node: int) -> str:
+        """Return the robot whose moves to come a robot at a node would be in the way of; empty without one."""
+        for name, edge in self._moves:
+            if name != robot.name and node in self._nodes_near(edge, self._gap(robot, self._robots[name])):
+                return name
+        return ""
+
     # --- what the robots are told -------------------------------------------------------------------------------------
 
     def _grant(self, robot: _Robot, now: float) -> Grant:
@@ -429,6 +601,7 @@ class _GraphTraffic(TrafficRule):
             self._reason(robot, frozenset()),
             tuple(robot.blockers),
             time=now,
+            until=robot.report.time + self.params.silence - _BRAKING_S,
         )
 
     def _reason(self, robot: _Robot, told: frozenset[str]) -> str:
@@ -466,53 +639,41 @@ class Lanes(_GraphTraffic):
 class Reservation(_GraphTraffic):
     """Reserves nodes and edges ahead for the robot of the highest rank; dissolves deadlocks when they close.
 
-    A deadlock is a cycle of robots each of which needs what the next one holds where its grant ends. The one of the lowest rank
-    takes another route if there is one, or drives to a refuge: a node off the ways of the others; robots that stand in the way of
-    that, and idle ones, are moved on in the same manner.
+    A robot is in a deadlock if it waits for others that do not drive on by themselves: each waits for the next one in a circle,
+    or stands idle. One of a circle takes another route if there is one. Otherwise the robot of the highest rank is taken to its
+    goal by moves of one robot at a time, found by a search (`Shunting`), with the others put out of its way. These moves go in
+    their order as far as they come near to each other, and nobody else stops in their way. So they are carried out whatever the
+    robots' speeds, and the robot that has been on its way for longest reaches its goal.
     """
 
     name = "reservation"
 
     def _decide(self, now: float, robots: list[_Robot]) -> None:
+        self._reserve_all(robots)
+        tried: set[str] = set()
+        while jam := self._jam(robots, tried):
+            tried.add(jam[0].name)
+            if self._dissolve(*jam, now):
+                self._reserve_all(robots)
+
+    def _reserve_all(self, robots: list[_Robot]) -> None:
+        self._follow_moves()
+        movers = self._movers
         for robot in robots:
-            self._plan(robot, now)
-        for robot in robots:
-            self._reserve(robot)
-        for _ in robots:
-            cycle = self._cycle(robots)
-            if not cycle or not self._dissolve(cycle, now):
-                break
-        for robot in robots:
-            self._clear_way(robot, now)
+            if robot.name not in movers:
+                self._plan(robot)
+                self._reserve(robot)
 
     # --- routes -------------------------------------------------------------------------------------------------------
 
-    def _plan(self, robot: _Robot, now: float) -> None:
-        """Plan the horizon of a robot, if it has none or may return from where it made way."""
-        robot.text, robot.blockers, robot.hard = "", {}, ()
-        if robot.lost:
+    def _plan(self, robot: _Robot) -> None:
+        """Plan the horizon of a robot, if it has none."""
+        if robot.lost or robot.goal is None or robot.route[-1] == robot.goal:
             return
-        if robot.aside:
-            if robot.clear < len(robot.route) - 1:
-                return
-            other = self._robots.get(robot.aside)
-            done = other is None or other.lost or (other.goal is None and other.clear == len(other.route) - 1)
-            if other is None or done or other.aside == robot.name or robot.way_back.isdisjoint(other.route):
-                robot.aside = ""
-            else:
-                robot.text, robot.blockers, robot.hard = "makes way for", {other.name: ""}, (other.name,)
-                return
-        if robot.goal is None or robot.route[-1] == robot.goal:
-            return
-        closed = self._closed([other for other in self._robots.values() if other.lost and other is not robot], robot)
-        nodes = self._way(robot, closed)
-        if nodes is None:
-            nodes = self._way(robot, ())
-            if nodes is None:
-                robot.text = f"has no way to node {self._id(robot.goal)} on the graph"
-                return
+        lost = [other for other in self._robots.values() if other.lost]
+        nodes = self._way(robot, self._closed(lost, robot)) or self._way(robot, ())
         del robot.route[robot.clear + 1 :]
-        robot.route += nodes[1:]
+        robot.route += (nodes or ())[1:]
 
     def _way(self, robot: _Robot, closed: Iterable[int]) -> list[int] | None:
         """Return the nodes from the end of the grant to the goal without the closed edges (ids); None without a way."""
@@ -523,227 +684,165 @@ class Reservation(_GraphTraffic):
             return None
 
     def _closed(self, others: Iterable[_Robot], robot: _Robot) -> list[int]:
-        """Return the ids of the edges that come too near to where the grants of other robots end."""
+        """Return the ids of the edges that come too near to where robots stand, or where their grants end."""
         found: set[int] = set()
         for other in others:
-            spot = other.shapes[0] if not other.report.active else self._points[other.end]
-            gap = min(self._gap(robot, other), float(shapely.distance(self._points[robot.end], spot)))
-            near = shapely.dwithin(self._lines, spot, gap - _EPSILON)
-            found.update(self._graph.edge_ids[near].tolist())
-        return sorted(found)
+            gap = self._gap(robot, other)
+            if other.lost:
+                found |= self._edges_at(other, gap)
+            else:
+                found.update(edge for edge in range(self._graph.edge_count) if other.end in self._nodes_near(edge, gap))
+        return self._graph.edge_ids[sorted(found)].tolist()
 
     def _reserve(self, robot: _Robot) -> None:
-        """Grant what is free of the next `ahead` meters."""
-        while robot.clear < len(robot.route) - 1 and not robot.lost and not robot.text:
-            if (robot.left_m >= self.params.ahead and not robot.aside) or self._turns_back(robot):
-                break
-            blockers, hard = self._conflicts(robot, self._edge[robot.end, robot.route[robot.clear + 1]])
-            if blockers:
-                robot.text, robot.blockers, robot.hard = "waits for", blockers, hard
-                break
-            self._extend(robot)
+        """Grant what is free of the next `ahead` meters, up to a node where it is in nobody's way."""
+        robot.text, robot.blockers, robot.hard = "", {}, ()
+        if robot.lost:
+            return
+        if robot.goal is not None and robot.route[-1] != robot.goal:
+            robot.text = f"has no way to node {self._id(robot.goal)} on the graph"
+            return
+        while robot.clear < len(robot.route) - 1 and robot.left_m < self.params.ahead and not self._turns_back(robot):
+            count, claimed = 0, ""
+            for a, b in pairwise(robot.route[robot.clear :]):
+                blockers, hard = self._conflicts(robot, self._edge[a, b])
+                if blockers:
+                    robot.text, robot.blockers, robot.hard = "waits for", blockers, hard
+                    return
+                count += 1
+                claimed = self._claimed_by(robot, b)
+                if not claimed:
+                    break
+            if claimed:
+                robot.text, robot.blockers = "lets pass", {claimed: ""}
+                return
+            for _ in range(count):
+                self._extend(robot)
 
     # --- deadlocks ----------------------------------------------------------------------------------------------------
 
-    def _cycle(self, robots: Sequence[_Robot]) -> list[_Robot]:
-        """Return robots each of which waits for the next one, the last one for the first; empty without a deadlock."""
-        done: set[str] = set()
-        for start in sorted(robot.name for robot in robots):
-            path: list[str] = []
-            if self._search(start, path, done):
-                return [self._robots[name] for name in path]
-        return []
+    def _jam(self, robots: Sequence[_Robot], tried: set[str]) -> tuple[_Robot, list[_Robot]] | None:
+        """Return the robot to help, and robots each of which waits for the next one; None without a deadlock."""
+        movers, going = self._movers, set[str]()
+        while True:
+            more = {
+                robot.name
+                for robot in robots
+                if robot.name not in going
+                and not robot.lost
+                and (
+                    robot.name in movers
+                    or (
+                        robot.goal is not None
+                        and bool(robot.blockers or not robot.text)
+                        and going.issuperset(robot.hard)
+                    )
+                )
+            }
+            if not more:
+                break
+            going |= more
+        jammed = [
+            robot for robot in robots if robot.name not in going | tried and robot.goal is not None and robot.hard
+        ]
+        if not jammed:
+            return None
+        chain = [jammed[0]]
+        while chain[-1] not in chain[:-1] and not chain[-1].lost and chain[-1].hard:
+            chain.append(self._robots[next(name for name in chain[-1].hard if name not in going)])
+        first = chain.index(chain[-1]) if chain[-1] in chain[:-1] else len(chain) - 2
+        circle = chain[first:]
+        on_way = [robot for robot in robots if robot.goal is not None and not robot.lost]
+        helped = [robot for robot in on_way if robot in circle and robot.name not in tried and robot.hard]
+        return (jammed[0] if jammed[0] is on_way[0] or not helped else helped[0]), circle
 
-    def _search(self, name: str, path: list[str], done: set[str]) -> bool:
-        """Follow the waits from a robot, depth first; `path` is the cycle if there is one."""
-        if name in path:
-            del path[: path.index(name)]
-            return True
-        if name in done:
-            return False
-        done.add(name)
-        path.append(name)
-        if any(self._search(holder, path, done) for holder in self._robots[name].hard):
-            return True
-        path.pop()
-        return False
+    def _dissolve(self, helped: _Robot, circle: list[_Robot], now: float) -> bool:
+        """Give one robot of a deadlock another route, or find the moves that take one to its goal; False if there are none.
 
-    def _dissolve(self, cycle: list[_Robot], now: float) -> bool:
-        """Send one robot of a cycle another way or to a refuge, that of the lowest rank if possible; False if none can."""
-        names = tuple(robot.name for robot in cycle)
+        `circle`: robots each of which waits for the next one; the last one is the first one, or does not drive.
+        """
+        closed = circle[-1] is circle[0]
+        names = tuple(dict.fromkeys(robot.name for robot in circle))
         key = tuple(sorted(names))
-        if key not in self._said:
-            waits = ", ".join(
-                f"{a.name} {a.text} {a.blockers[b.name]}, held by {b.name}"
-                if a.blockers[b.name]
-                else f"{a.name} {a.text} {b.name}"
-                for a, b in zip(cycle, [*cycle[1:], cycle[0]])
-            )
+        if closed and key not in self._said:
+            waits = ", ".join(f"{a.name} {a.text} {a.blockers[b.name]}, held by {b.name}" for a, b in pairwise(circle))
             self._tell(now, "deadlock", names, waits)
-        order = sorted(cycle, key=lambda robot: self._rank(robot, now))
-        first, in_way = order[0], cycle[(cycle.index(order[0]) + 1) % len(cycle)]
-        # who is in the way of the highest rank, else from the lowest one up: so the highest one gets on each time
-        asked = [(in_way, first), *((robot, cycle[cycle.index(robot) - 1]) for robot in reversed(order))]
-        for robot, asking in asked:
-            if robot.lost or (asking.goal is None and asking.clear == len(asking.route) - 1):
-                continue
-            others = [other for other in self._robots.values() if other is not robot and (other in cycle or other.lost)]
+        for asking, robot in [*pairwise(circle)][::-1] if closed else [(circle[-1], circle[-2])]:
+            others = [
+                other for other in self._robots.values() if other is not robot and (other in circle or other.lost)
+            ]
             if asking.name not in robot.avoided and self._other_route(robot, others):
                 robot.avoided.add(asking.name)
-                text = f"{robot.name} takes another route: nodes {', '.join(str(self._id(n)) for n in robot.route[:8])}"
-            elif self._make_way(robot, asking, {asking.name}, now):
-                text = f"{robot.name} makes way for {asking.name} at node {self._id(robot.route[-1])}"
-            else:
-                continue
-            self._said.discard(key)
-            self._tell(now, "dissolved", names, text)
-            return True
-        if any(robot.goal is None and self._escape(robot, first) for robot in cycle if robot is not first):
-            return True
-        if key not in self._said:
-            self._said.add(key)
-            self._tell(now, "stuck", names, f"no robot of {', '.join(names)} has another route or a refuge")
-        return False
+                kind, text = "rerouted", f"{robot.name} takes another route: nodes {self._ids(robot.route)}"
+                break
+        else:
+            before = len(self._moves)
+            if not self._help(helped):
+                if key not in self._said:
+                    self._said.add(key)
+                    others = ", ".join(name for name in names if name != helped.name)
+                    text = f"nothing takes {helped.name} to node {self._id(helped.goal or 0)} past {others}"
+                    self._tell(now, "stuck", names, text)
+                return False
+            ends = {name: int(self._graph.ends[edge]) for name, edge in self._moves[before:] if name != helped.name}
+            asides = ", ".join(f"{name} to node {self._id(node)}" for name, node in sorted(ends.items()))
+            kind = "dissolved" if closed else "makes_way"
+            text = f"{helped.name} goes first; out of its way: {asides or 'nobody'}"
+        self._said.discard(key)
+        self._tell(now, kind, names, text)
+        return True
+
+    def _ids(self, nodes: Sequence[int]) -> str:
+        return ", ".join(str(self._id(node)) for node in nodes[:8])
 
     def _other_route(self, robot: _Robot, others: Iterable[_Robot]) -> bool:
         """Give a robot a route that avoids where others stand, and that it can begin now; False without one."""
-        if robot.goal is None:
+        if robot.goal is None or robot.lost:
             return False
         nodes = self._way(robot, self._closed(others, robot))
-        if nodes is None or len(nodes) < 2:
+        if nodes is None or len(nodes) < 2 or self._claimed_by(robot, nodes[1]):
             return False
         allowed = self.params.detour * self._length(robot.route[robot.clear :]) + self.params.ahead
         if self._length(nodes) > allowed or self._conflicts(robot, self._edge[nodes[0], nodes[1]])[0]:
             return False
-        self._send(robot, nodes)
+        del robot.route[robot.clear + 1 :]
+        robot.route += nodes[1:]
         return True
 
     def _length(self, nodes: Sequence[int]) -> float:
         return float(sum(self._graph.lengths[self._edge[a, b]] for a, b in pairwise(nodes)))
-
-    def _send(self, robot: _Robot, nodes: Sequence[int], aside: str = "", way_back: Iterable[int] = ()) -> None:
-        """Replace the horizon of a robot and grant what is free of it."""
-        del robot.route[robot.clear + 1 :]
-        robot.route += nodes[1:]
-        robot.aside, robot.way_back = aside, frozenset(way_back)
-        robot.text, robot.blockers, robot.hard, robot.stranded = "", {}, (), False
-        self._reserve(robot)
-
-    def _make_way(self, robot: _Robot, asking: _Robot, barred: set[str], now: float) -> bool:
-        """Send a robot to the nearest node off the way of the one that asks; False if it cannot get anywhere.
-
-        `barred` are the robots that cannot be sent away for it; those that were asked are added.
-        """
-        if robot.lost:
-            return False
-        if asking.goal is not None and asking.aside and asking.clear == len(asking.route) - 1:
-            asking.aside = ""
-            self._plan(asking, now)  # the way that it needs, not where it made way
-        ahead = asking.route[asking.clear :]
-        way = shapely.LineString(self._xy[ahead]) if len(ahead) > 1 else self._points[ahead[0]]
-        gap = self._gap(robot, asking) - _EPSILON
-        free = ~shapely.dwithin(self._points, way, gap)
-        came_from: dict[int, int] = {robot.end: -1}
-        queue = [robot.end]
-        for node in queue:
-            if free[node] and node != robot.end:
-                nodes = [node]
-                while came_from[nodes[-1]] >= 0:
-                    nodes.append(came_from[nodes[-1]])
-                nodes.reverse()
-                self._send(robot, nodes, asking.name, nodes[:-1])
-                return True
-            for edge in range(int(self._graph.first[node]), int(self._graph.first[node + 1])):
-                after = int(self._graph.ends[edge])
-                if after not in came_from and not self._conflicts(robot, edge)[0]:
-                    came_from[after] = node
-                    queue.append(after)
-        barred |= {robot.name, asking.name}
-        return self._push_on(robot, asking, barred, free, now)
-
-    def _leave(self, robot: _Robot, asking: _Robot, now: float) -> bool:
-        return self._make_way(robot, asking, {asking.name}, now) or self._escape(robot, asking)
-
-    def _escape(self, robot: _Robot, asking: _Robot) -> bool:
-        """Let an idle robot want a node beyond the one that asks, which so has to make way first; False if it does already."""
-        if robot.clear < len(robot.route) - 1:
-            return False
-        graph, queue = self._graph, [[robot.end]]
-        seen = {robot.end}
-        on_way = set(asking.route[asking.clear :])
-        for nodes in queue:
-            if nodes[-1] not in on_way:
-                self._send(robot, nodes, asking.name, nodes[:-1])
-                return True
-            for edge in range(int(graph.first[nodes[-1]]), int(graph.first[nodes[-1] + 1])):
-                after = int(graph.ends[edge])
-                if after not in seen and not set(self._conflicts(robot, edge)[0]) - {asking.name}:
-                    seen.add(after)
-                    queue.append([*nodes, after])
-        return False
-
-    def _push_on(self, robot: _Robot, asking: _Robot, barred: set[str], free: Any, now: float) -> bool:
-        """Send a robot one node on by sending those away that stand there, or to any node that is free."""
-        graph, here = self._graph, robot.end
-        edges = range(int(graph.first[here]), int(graph.first[here + 1]))
-        on_way = set(asking.route[asking.clear :])
-        for edge in sorted(edges, key=lambda edge: (int(graph.ends[edge]) in on_way, not free[graph.ends[edge]], edge)):
-            node = int(graph.ends[edge])
-            if node == asking.end:
-                continue
-            blockers, hard = self._conflicts(robot, edge)
-            if set(blockers) - set(hard) or any(name in barred or self._robots[name].lost for name in blockers):
-                continue
-            step = [here, node]
-            kept = robot.route[robot.clear + 1 :], robot.aside, robot.way_back
-            del robot.route[robot.clear + 1 :]
-            robot.route.append(node)
-            if all(self._make_way(self._robots[name], robot, barred, now) for name in blockers):
-                self._send(robot, step, asking.name, [here])
-                return True
-            del robot.route[robot.clear + 1 :]
-            robot.route += kept[0]
-            robot.aside, robot.way_back = kept[1], kept[2]
-        return False
-
-    def _clear_way(self, robot: _Robot, now: float) -> None:
-        """Send idle robots out of the way; find a way around those that stand for good."""
-        for name in robot.hard:
-            other = self._robots[name]
-            if other.lost:
-                lost = [each for each in self._robots.values() if each.lost]
-                if robot.goal is not None and self._other_route(robot, lost):
-                    self._tell(now, "rerouted", (robot.name, name), f"{robot.name} takes a route around {name}")
-                elif not robot.aside:
-                    robot.stranded = True
-                continue
-            idle = other.stranded or (other.goal is None and not other.aside)
-            if idle and other.clear == len(other.route) - 1 and self._leave(other, robot, now):
-                text = f"{name} makes way for {robot.name} at node {self._id(other.route[-1])}"
-                self._tell(now, "makes_way", (name, robot.name), text)
 
 
 class Pibt(_GraphTraffic):
     """Priority inheritance with backtracking (Okumura et al., AIJ 2022; causal as in AAAI 2021), one node at a time.
 
     Robots choose in the order of their ranks the next node nearest to their goal. Who stands there inherits the rank and
-    chooses first; if it finds no node, the next best one is tried. A robot drives once the node has been left. Every robot
-    reaches its goal if any two neighboring nodes lie on a cycle of the graph in both directions, and nodes are left over.
+    chooses first; if it finds no node, the next best one is tried. A robot drives once the node has been left. So the robot of
+    the highest rank gets on if any two neighboring nodes lie on a cycle of the graph in both directions, and nodes are left over.
+    Where it does not, moves of one robot at a time take it to its goal, as by `Reservation`.
     """
 
     name = "pibt"
 
     def _decide(self, now: float, robots: list[_Robot]) -> None:
-        decided: dict[str, int] = {}
-        """The edge that each robot takes next; -1: it stays."""
         for robot in robots:
             robot.text, robot.blockers, robot.hard = "", {}, ()
-        for robot in robots:
-            if robot.lost:
-                decided[robot.name] = -1
+        self._follow_moves()
+        decided: dict[str, int] = {robot.name: -1 for robot in robots if robot.lost} | dict(reversed(self._moves))
+        """The edge that each robot takes next; -1: it stays."""
+        goes_on: dict[str, bool] = {}
         for robot in robots:
             if robot.name not in decided and robot.left_m < self.params.ahead:
-                self._choose(robot, (), decided)
+                goes_on[robot.name] = self._choose(robot, (), decided)
+        for robot in () if self._moves else robots:
+            if robot.goal is None or robot.lost or robot.end == robot.goal:
+                continue
+            if goes_on.get(robot.name, True):
+                break
+            if self._help(robot):
+                self._tell(now, "dissolved", (robot.name,), f"{robot.name} goes first, others are put out of its way")
+                self._follow_moves()
+                break
 
     def _choose(self, robot: _Robot, above: tuple[_Robot, ...], decided: dict[str, int]) -> bool:
         """Choose the next node of a robot that those `above` push, the last one directly; False if it has to stay."""
@@ -769,6 +868,10 @@ class Pibt(_GraphTraffic):
             blockers, hard = self._conflicts(robot, edge)
             if not blocked:
                 blocked, first_hard = blockers, hard
+            if any(other.name in hard for other in above):
+                continue  # robots in a circle would wait for each other
+            if self._claimed_by(robot, int(graph.ends[edge])):
+                continue
             if any(name in decided for name in hard):
                 if all(decided.get(name, -1) >= 0 for name in hard):
                     decided[robot.name] = edge  # they are about to leave
@@ -893,8 +996,16 @@ class TrafficControl:
     """A rule behind a communication: takes what the robots report, and keeps the last grant that has reached each of them."""
 
     def __init__(self, rule: TrafficRule, communication: Communication | None = None) -> None:
+        """Raises InputError if messages take so long that every grant ends before the next one arrives."""
         self.rule = rule
         self.communication = communication or Communication()
+        needed = 2.0 * self.communication.delay_s + _BRAKING_S
+        if isinstance(rule, _GraphTraffic) and rule.params.silence <= needed:
+            raise InputError(
+                f"messages take {self.communication.delay_s:g} s in each direction, but a robot without a report for "
+                f"{rule.params.silence:g} s has to stop; make silence more than {needed:g} s, or the delay shorter",
+                value=rule.params.silence,
+            )
         self.grants: dict[str, Grant] = {}
         """By the name of the robot: what it knows."""
         self._reports: list[tuple[float, RobotReport]] = []
