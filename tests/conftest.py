@@ -85,6 +85,7 @@ COMPILING_FILES = frozenset(
         "golden/test_smac.py",
         "gym/test_levels.py",
         "gym/test_local_control.py",
+        "gym/test_parallel.py",
         "gym/test_sb3.py",
         "gym/test_stack.py",
         "local_planner/test_cars.py",

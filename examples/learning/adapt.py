@@ -15,12 +15,13 @@ import argparse
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-import navstack.gym  # noqa: F401  registers the environments
+import navstack.gym  # noqa: F401  # pyright: ignore[reportUnusedImport]  registers the environments
 
 PERIOD_S, LIMIT_S = 0.5, 50.0
 ROBOT = "jackal_dwa"
@@ -60,7 +61,7 @@ def features(observation: dict[str, NDArray[np.float32]]) -> NDArray[np.float64]
     return np.array([1.0, 2.0 * ahead - 1.0, 2.0 * beside - 1.0, 2.0 * scan.mean() - 1.0])
 
 
-def drive(env: gymnasium.Env, level: int, weights: NDArray[np.float64]) -> tuple[float, dict]:
+def drive(env: gymnasium.Env, level: int, weights: NDArray[np.float64]) -> tuple[float, dict[str, Any]]:
     """Drive through a level; `weights` (parameters, 4): how each parameter departs from the file's value. Return cost, info."""
     observation, _ = env.reset(seed=0, options={"level": level})
     initial = observation["parameters"].astype(np.float64)
@@ -144,7 +145,7 @@ def interval(differences: NDArray[np.float64]) -> tuple[float, float]:
 def compare(found: dict[str, list[list[float]]], levels: str, split: str, count: int) -> None:
     """Drive every held-out world with each; print success, cost, and the differences from the fixed file with intervals."""
     env = make(levels, split, count, 1)
-    number = len(env.unwrapped.levels)
+    number = len(env.get_wrapper_attr("levels"))
     costs: dict[str, NDArray[np.float64]] = {}
     print(f"{number} worlds; cost: time (s), {LIMIT_S:g} for a drive without success; less is better")
     for kind in ("fixed", *KINDS):

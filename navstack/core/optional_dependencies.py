@@ -10,8 +10,8 @@ from navstack.core.errors import InputError
 _EXTRAS: Final = {
     "foxglove": "foxglove",
     "paho": "fleet",
-    "pettingzoo": "fleet",
     "gymnasium": "gym",
+    "pettingzoo": "gym",
     "onnxruntime": "gym",
     "aiohttp": "live",
     "rosbags": "bags",

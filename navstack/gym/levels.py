@@ -281,15 +281,26 @@ def plan_path(
     The path keeps its distance from obstacles as navfn's plans do: a meter costs 1 + 4 exp(-5 (clearance - radius)), the costs
     of ROS's inflation. `half_width`: largest distance (m) of its points from x = 0.
     """
-    ends = np.array([start[:2], goal[:2]])
-    grid = _Grid(world, ends, radius, half_width)
+    return _route(_Grid(world, np.array([start[:2], goal[:2]]), radius, half_width), start, goal)
+
+
+def plan_paths(
+    world: World, pairs: Sequence[tuple[Pose2D, Pose2D]], radius: float
+) -> list[tuple[NDArray[np.float64], float] | None]:
+    """Return what `plan_path` does for several pairs of a start and a goal in one world."""
+    grid = _Grid(world, np.array([pose[:2] for pair in pairs for pose in pair]), radius, math.inf)
+    return [_route(grid, start, goal) for start, goal in pairs]
+
+
+def _route(grid: _Grid, start: Pose2D, goal: Pose2D) -> tuple[NDArray[np.float64], float] | None:
     if not len(grid.free):
         return None
+    ends = np.array([start[:2], goal[:2]])
     first, last = grid.nearest(ends[0]), grid.nearest(ends[1])
     distances, _ = grid.search(last, np.ones(len(grid.points)))
     if not np.isfinite(distances[first]):
         return None
-    _, following = grid.search(last, 1.0 + 4.0 * np.exp(-5.0 * np.maximum(grid.clear - radius, 0.0)))
+    _, following = grid.search(last, 1.0 + 4.0 * np.exp(-5.0 * np.maximum(grid.clear - grid.radius, 0.0)))
     at, cells = first, list[int]()
     while at >= 0:
         cells.append(at)

@@ -14,9 +14,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from navstack.core import InputError
-from navstack.gym.levels import Levels, level_number, level_weights, read_levels
-from navstack.gym.render import LevelPicture
-from navstack.gym.simulation import OUTCOMES, RESET, SKIP, STEP, TERMS, Simulation
+from navstack.gym.levels import Level, Levels, level_number, level_weights, read_levels
+from navstack.gym.render import DrawnRobot, LevelPicture
+from navstack.gym.simulation import OUTCOMES, RESET, SKIP, STEP, TERMS, RobotModel, Simulation
 from navstack.gym.task import (
     ActionScale,
     Observation,
@@ -34,14 +34,14 @@ END_KEYS: Final = ("path_length", "time_to_goal", "spl", "min_clearance", "barn_
 """Numbers of `info` at the end of an episode."""
 
 
-class _Core:
+class Core:
     """What the single and the vectorized environment share: the simulation, the spaces and the reports."""
 
     def __init__(
         self,
         number: int,
         threads: int,
-        own: type[LocalControlEnv] | type[LocalControlVectorEnv],
+        own: type[Any],
         same_step: bool = False,
         *,
         levels: Levels | Sequence[Levels] = "barn",
@@ -65,15 +65,15 @@ class _Core:
         max_episode_steps: int | None = None,
         **unknown: Any,
     ) -> None:
-        refuse_unknown(unknown, _Core.__init__, own.__init__)
+        refuse_unknown(unknown, Core.__init__, own.__init__)
         if actions not in ("box", "discrete"):
             raise InputError(f'actions is "{actions}"; it must be "box" or "discrete"', actions=actions)
+        self.number = number
         sources = [robot] if isinstance(robot, (str, Mapping)) or not isinstance(robot, Sequence) else list(robot)
         self.configuration = load_configuration(sources, overrides=list(overrides))
         sim = self.configuration.navstack.sim
         models = robot_models(self.configuration, randomize or {}, variants, level_seed, beams)
-        radius = max(model.footprint.inscribed_radius for model in models)
-        found = read_levels(levels, split=split, count=count, seed=level_seed, radius=radius)
+        found = self._read(levels, models, split=split, count=count, seed=level_seed)
         self.scale = ActionScale.of(
             limits_of(self.configuration), holonomic=sim.kinematics == "holonomic", discrete=actions == "discrete"
         )
@@ -92,19 +92,28 @@ class _Core:
             repeats_action=last_action,
         )
         repeated = self.scale.size if last_action else 0
-        self.simulation = Simulation(number, found, models, task, actions=self.scale.size, threads=threads)
+        self.simulation = self._simulate(found, models, task, threads)
+        number = self.simulation.number
         if max_episode_steps is not None:
             if max_episode_steps < 1:
                 raise InputError(f"max_episode_steps is {max_episode_steps}; it must be at least 1")
             limit = self.simulation.rows["limit"]
             self.simulation.rows["limit"] = np.minimum(limit, max_episode_steps)
         self.observation = Observation.of(self.simulation.beams, plan, repeated, flat=flat)
-        self.number = number
         self.names = [level.name for level in found]
         self.footprints = [model.footprint for model in models]
         self.seeds = [0] * number
         self.is_closed = self.is_reset = False
         self.no_actions = np.zeros((number, self.scale.size))
+
+    def _read(self, source: Any, models: Sequence[RobotModel], **options: Any) -> list[Level]:
+        """Return the levels of the environments for these robots; `options`: other arguments of `read_levels`."""
+        return read_levels(source, radius=max(model.footprint.inscribed_radius for model in models), **options)
+
+    def _simulate(
+        self, levels: Sequence[Level], models: Sequence[RobotModel], task: NDArray[np.void], threads: int
+    ) -> Simulation:
+        return Simulation(self.number, levels, models, task, actions=self.scale.size, threads=threads)
 
     def seed(self, index: int, seed: int) -> None:
         """Begin the sequence of episodes of a seed in one environment."""
@@ -129,6 +138,22 @@ class _Core:
         """Raise InputError if the environment is closed."""
         if self.is_closed:
             raise InputError("the environment is closed; make a new one")
+
+    def drawn(self, index: int, *, has_ended: bool = False) -> DrawnRobot:
+        """Return what a picture shows of the robot of one environment; without its lidar, if its episode has ended."""
+        simulation, state = self.simulation, self.simulation.batch.states[index]
+        variant = simulation.batch.episodes[index]["variant"]
+        pose = float(state["x"]), float(state["y"]), float(state["yaw"])
+        if has_ended:
+            return DrawnRobot(self.footprints[variant], pose, None)
+        return DrawnRobot.of(
+            self.footprints[variant],
+            pose,
+            simulation.robots.variants[variant]["lidar"],
+            simulation.robots.beams[variant],
+            simulation.outputs.observations[index, : simulation.beams],
+            float(simulation.task["clip"][0]),
+        )
 
     def set_weights(self, weights: Sequence[float]) -> None:
         """Set how often each level is drawn, in proportion. Raises InputError."""
@@ -181,7 +206,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         if render_mode not in (None, "rgb_array"):
             raise InputError(f'render_mode is "{render_mode}"; it must be None or "rgb_array"', render_mode=render_mode)
         self.render_mode = render_mode
-        self._core = core = _Core(1, 1, LocalControlEnv, **options)
+        self._core = core = Core(1, 1, LocalControlEnv, **options)
         self.observation_space = core.observation.space
         self.action_space = core.scale.space
         self._picture: LevelPicture | None = None
@@ -215,6 +240,8 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
             core.want_level(0, options["level"])
         core.run(RESET, core.no_actions)
         self._needs_reset = False
+        if self._picture is not None:
+            self._picture.begin_episode()
         return core.observation.of_row(self._row.copy()), self._report()
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -259,18 +286,8 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
             raise InputError("there is nothing to draw yet; call reset() before render()")
         if self._picture is None:
             self._picture = LevelPicture()
-        episode, info = core.simulation.batch.episodes[0], self._info
-        lidar = core.simulation.robots
-        return self._picture.draw(
-            core.simulation.levels[info["level"]],
-            core.footprints[episode["variant"]],
-            (float(info["x"]), float(info["y"]), float(info["yaw"])),
-            int(info["number"]),
-            lidar.beams[episode["variant"]],
-            lidar.variants[episode["variant"]]["lidar"],
-            self._row[: core.simulation.beams] * float(core.simulation.task["clip"][0]),
-            float(core.simulation.task["clip"][0]),
-        )
+        level = core.simulation.levels[self._info["level"]]
+        return self._picture.draw([level], [core.drawn(0)])
 
     def close(self) -> None:
         """Close the environment; a second time does nothing."""
@@ -308,7 +325,7 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
         if threads < 1:
             raise InputError(f"threads is {threads}; it must be at least 1", threads=threads)
         same_step = self._mode is AutoresetMode.SAME_STEP
-        self._core = core = _Core(num_envs, threads, LocalControlVectorEnv, same_step, **options)
+        self._core = core = Core(num_envs, threads, LocalControlVectorEnv, same_step, **options)
         self.num_envs = num_envs
         self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
         self.single_observation_space, self.single_action_space = core.observation.space, core.scale.space

@@ -1,8 +1,9 @@
-"""Pictures of a level with the robot in it."""
+"""Pictures of levels with the robots in them."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,58 +12,81 @@ from navstack.core import Footprint
 from navstack.gym.levels import Level
 from navstack.sim import OCCUPIED
 
+COLORS: Final = ("orange", "blue", "green", "purple", "brown", "pink", "olive", "cyan")
+"""Colors of the robots, their ways and goals; the ninth robot has the first again."""
+
+
+class DrawnRobot(NamedTuple):
+    """What a picture shows of a robot."""
+
+    footprint: Footprint
+    pose: tuple[float, float, float]
+    """In the map (m, rad)."""
+    hits: NDArray[np.float64] | None
+    """(n, 2) where its lidar hits, in the robot's frame (m); None when its episode has ended."""
+
+    @classmethod
+    def of(
+        cls,
+        footprint: Footprint,
+        pose: tuple[float, float, float],
+        mounted: NDArray[np.float64],
+        beams: NDArray[np.float64],
+        shares: NDArray[np.float32],
+        clip: float,
+    ) -> DrawnRobot:
+        """Return a robot with a lidar at `mounted` (x, y, yaw); `beams` (n, 2): unit vectors, `shares` (n,) of `clip`: ranges."""
+        seen = shares < 1.0
+        c, s = np.cos(mounted[2]), np.sin(mounted[2])
+        hits = (beams[seen] * (shares[seen, None] * clip)) @ np.array([[c, s], [-s, c]]) + mounted[:2]
+        return cls(footprint, pose, hits)
+
 
 class LevelPicture:
-    """Draws frames; the map and the obstacles of a level are drawn once."""
+    """Draws frames; the map, the obstacles and the goals are drawn once."""
 
     def __init__(self, *, height: int = 480) -> None:
         self._height = height
         self._level: Level | None = None
-        self._episode = -1
         self._figure: Any = None
-        self._parts: tuple[Any, ...] = ()
-        self._way: list[tuple[float, float]] = []
+        self._parts: list[tuple[Any, ...]] = []
+        self._ways: list[list[tuple[float, float]]] = []
 
-    def draw(
-        self,
-        level: Level,
-        footprint: Footprint,
-        pose: tuple[float, float, float],
-        episode: int,
-        beams: NDArray[np.float64],
-        mounted: NDArray[np.float64],
-        ranges: NDArray[np.float32],
-        clip: float,
-    ) -> NDArray[np.uint8]:
-        """Return (height, width, 3): world, goal, the way so far, hits of the lidar and the robot."""
-        if level is not self._level:
-            self._begin(level)
-        if episode != self._episode:
-            self._episode, self._way = episode, []
-        self._way.append(pose[:2])
-        body, way, hits = self._parts
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        turn = np.array([[c, -s], [s, c]])
-        body.set_xy(footprint.vertices @ turn.T + pose[:2])
-        way.set_data(*np.array(self._way).T)
-        at = np.array(pose[:2]) + turn @ mounted[:2]
-        cl, sl = np.cos(pose[2] + mounted[2]), np.sin(pose[2] + mounted[2])
-        seen = ranges < clip
-        points = at + (beams[seen] * ranges[seen, None]) @ np.array([[cl, -sl], [sl, cl]]).T
-        hits.set_data(*points.T)
+    def begin_episode(self) -> None:
+        """Forget the ways."""
+        for way in self._ways:
+            way.clear()
+
+    def draw(self, levels: Sequence[Level], robots: Sequence[DrawnRobot]) -> NDArray[np.uint8]:
+        """Return (height, width, 3): the world, and of each robot its goal, the way so far, the hits of its lidar and its body.
+
+        `levels`: one per robot, all in one world.
+        """
+        if levels[0] is not self._level:
+            self._begin(levels)
+        for robot, (body, line, points), way in zip(robots, self._parts, self._ways, strict=True):
+            hits = np.empty((0, 2)) if robot.hits is None else robot.hits
+            if robot.hits is not None:
+                way.append(robot.pose[:2])
+            c, s = np.cos(robot.pose[2]), np.sin(robot.pose[2])
+            turn = np.array([[c, s], [-s, c]])
+            body.set_xy(robot.footprint.vertices @ turn + robot.pose[:2])
+            line.set_data(*np.array(way).reshape(-1, 2).T)
+            points.set_data(*(hits @ turn + robot.pose[:2]).T)
         canvas = self._figure.canvas
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
-    def _begin(self, level: Level) -> None:
+    def _begin(self, levels: Sequence[Level]) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.collections import PatchCollection, PolyCollection
         from matplotlib.figure import Figure
         from matplotlib.patches import Circle, Polygon
 
-        self._level = level
+        level = self._level = levels[0]
         solids = level.world.solids_at(0.0)
-        points = [np.array([level.start[:2], level.goal[:2]]), solids.discs[:, :2], solids.corners]
+        ends = np.array([pose[:2] for each in levels for pose in (each.start, each.goal)])
+        points = [ends, solids.discs[:, :2], solids.corners]
         grid = level.world.map
         iy, ix = np.nonzero(grid.data >= OCCUPIED)
         resolution = grid.geometry.resolution
@@ -88,14 +112,17 @@ class LevelPicture:
         )
         for k in range(len(solids.circles)):
             axes.add_patch(Polygon(solids.polygon(k), facecolor="0.35"))
-        axes.plot(*level.goal[:2], marker="*", color="tab:green", markersize=14)
-        (way,) = axes.plot([], [], color="tab:blue", linewidth=1.5)
-        (hits,) = axes.plot([], [], ".", color="tab:red", markersize=2)
-        body = Polygon(np.zeros((3, 2)), facecolor="tab:orange", edgecolor="black", zorder=5)
-        axes.add_patch(body)
-        self._parts = body, way, hits
+        self._parts, self._ways = [], [[] for _ in levels]
+        for k, each in enumerate(levels):
+            color = f"tab:{COLORS[k % len(COLORS)]}"
+            axes.plot(*each.goal[:2], marker="*", color=color if len(levels) > 1 else "tab:green", markersize=14)
+            (way,) = axes.plot([], [], color=color if len(levels) > 1 else "tab:blue", linewidth=1.5)
+            (hits,) = axes.plot([], [], ".", color="tab:red", markersize=2)
+            body = Polygon(np.zeros((3, 2)), facecolor=color, edgecolor="black", zorder=5)
+            axes.add_patch(body)
+            self._parts.append((body, way, hits))
 
     def close(self) -> None:
         """Drop the figure."""
         self._figure = self._level = None
-        self._parts = ()
+        self._parts = []

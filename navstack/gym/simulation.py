@@ -316,12 +316,18 @@ def move(i, batch, robots, worlds, number, task):
 
 
 @kernel
+def newest_scan(episode, variant):
+    """Return the number of the newest scan that has arrived, and the physics step at which it was taken."""
+    index = max(math.floor((episode.physics_step - variant.scan_delay) * variant.scan_rate + 1e-6), 0)
+    return index, math.ceil(index / variant.scan_rate - 1e-6)
+
+
+@kernel
 def scan_into(i, batch, robots, worlds, number, task, out):
     """Write the newest scan that has arrived to `out` (beams,), from 0 (touching) to 1 (free); return its lowest range (m)."""
     episode, place = batch.episodes[i], worlds.places[number]
     variant = robots.variants[episode.variant]
-    index = max(math.floor((episode.physics_step - variant.scan_delay) * variant.scan_rate + 1e-6), 0)
-    step = math.ceil(index / variant.scan_rate - 1e-6)
+    index, step = newest_scan(episode, variant)
     at = batch.history[i, step % batch.history.shape[1]]
     c, s = math.cos(at[2]), math.sin(at[2])
     mounted = variant.lidar
@@ -469,11 +475,8 @@ def report_end(level, moved_at, info):
 
 
 @kernel
-def step_environment(i, batch, robots, worlds, levels, task, action, outputs):
-    """Drive environment `i` for one control step; write its observation, reward, end and info."""
-    info = outputs.infos[i]
-    episode, state, body = batch.episodes[i], batch.states[i], batch.bodies[i]
-    level = levels[info.level]
+def take_action(episode, task, action):
+    """Take the command of an action; return the sum of the changes from the last action."""
     for k in range(episode.given.shape[0] - 1, 2, -1):
         episode.given[k] = episode.given[k - 3]
     last = action.shape[0] - 1
@@ -486,15 +489,21 @@ def step_environment(i, batch, robots, worlds, levels, task, action, outputs):
     for k in range(action.shape[0]):
         change += abs(action[k] - episode.last[k])
         episode.last[k] = action[k]
-    before_x, before_y = state.x, state.y
-    hits = move(i, batch, robots, worlds, level.world, task)
-    episode.control_step += 1
-    clear = true_clearance(i, batch, robots, worlds, level.world)
+    return change
+
+
+@kernel
+def report_step(i, batch, level, task, was, hits, clear, lowest, change, outputs):
+    """Write reward, end and info of environment `i`, which was at `was` (x, y) before the step and has `hits` new collisions.
+
+    `clear`: clearance, `lowest`: lowest range (m), `change`: as `take_action` returns it.
+    """
+    info = outputs.infos[i]
+    episode, state = batch.episodes[i], batch.states[i]
     report_state(i, batch, task, clear, info)
     if episode.moved_at < 0.0 and math.hypot(state.x - level.start[0], state.y - level.start[1]) >= START_RADIUS_M:
         episode.moved_at = info.time
-    lowest = observe(i, batch, robots, worlds, level, task, outputs.observations[i])
-    was = math.hypot(level.target[0] - before_x, level.target[1] - before_y)
+    before = math.hypot(level.target[0] - was[0], level.target[1] - was[1])
     away = math.hypot(level.target[0] - state.x, level.target[1] - state.y)
     turn = level.target[2] - state.yaw
     facing = math.isinf(level.yaw_tolerance) or abs(math.atan2(math.sin(turn), math.cos(turn))) <= level.yaw_tolerance
@@ -511,10 +520,10 @@ def step_environment(i, batch, robots, worlds, levels, task, action, outputs):
     terms = outputs.terms[i]
     terms[0] = 1.0 if info.outcome == 1 else 0.0
     terms[1] = np.float64(hits)
-    terms[2] = was - away
-    terms[3] = state.y - before_y
+    terms[2] = before - away
+    terms[3] = state.y - was[1]
     terms[4] = 1.0
-    terms[5] = 1.0 if lowest <= body.radius + task.near else 0.0
+    terms[5] = 1.0 if lowest <= batch.bodies[i].radius + task.near else 0.0
     terms[6] = (clear - task.comfort) * task.period if clear < task.comfort else 0.0
     terms[7] = abs(state.wz) * task.period
     terms[8] = change
@@ -525,6 +534,20 @@ def step_environment(i, batch, robots, worlds, levels, task, action, outputs):
     outputs.rewards[i] = reward
     if episode.ended:
         report_end(level, episode.moved_at, info)
+
+
+@kernel
+def step_environment(i, batch, robots, worlds, levels, task, action, outputs):
+    """Drive environment `i` for one control step; write its observation, reward, end and info."""
+    episode, state = batch.episodes[i], batch.states[i]
+    level = levels[outputs.infos[i].level]
+    change = take_action(episode, task, action)
+    was = (state.x, state.y)
+    hits = move(i, batch, robots, worlds, level.world, task)
+    episode.control_step += 1
+    clear = true_clearance(i, batch, robots, worlds, level.world)
+    lowest = observe(i, batch, robots, worlds, level, task, outputs.observations[i])
+    report_step(i, batch, level, task, was, hits, clear, lowest, change, outputs)
 
 
 @kernel
@@ -578,7 +601,7 @@ def pack_worlds(worlds: Sequence[World]) -> Worlds:
     for place, world in zip(places, worlds, strict=True):
         if world.moves:
             raise InputError(
-                "a level has obstacles that move; navstack/LocalControl-v0 takes worlds that stand still: leave them out, or use "
+                "a level has obstacles that move; this environment takes worlds that stand still: leave them out, or use "
                 "navstack/Residual-v0 or navstack/PlannerParams-v0"
             )
         solids = world.solids_at(0.0)
@@ -711,15 +734,19 @@ class Simulation:
         )
         self.todo = np.zeros(number, np.int8)
         """(n,) what `advance` does: `SKIP`, `STEP` or `RESET`."""
-        self._fixed = (self.batch, self.robots, self.worlds, self.rows, self.cumulative, self.task, self.outputs)
-        # the machine code for these types: to find it by the types of 30 arrays takes 7 of 40 us of a step
-        compiled = advance.dispatcher
-        arguments = (self.todo, np.zeros((number, actions)), *self._fixed, 0, number)
-        self._advance: Callable[..., None] = compiled.compile(tuple(map(compiled.typeof_pyval, arguments)))
         self._threads = max(1, min(threads, number))
         self._pool: ThreadPoolExecutor | None = None
         if self._threads > 1:
             self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="navstack-gym")
+        self._load(actions)
+
+    def _load(self, actions: int) -> None:
+        """Load the kernel for actions of so many numbers."""
+        self._fixed = (self.batch, self.robots, self.worlds, self.rows, self.cumulative, self.task, self.outputs)
+        # the machine code for these types: to find it by the types of 30 arrays takes 7 of 40 us of a step
+        compiled = advance.dispatcher
+        arguments = (self.todo, np.zeros((self.number, actions)), *self._fixed, 0, self.number)
+        self._advance: Callable[..., None] = compiled.compile(tuple(map(compiled.typeof_pyval, arguments)))
 
     def advance(self, actions: NDArray[np.float64]) -> None:
         """Step or reset the environments as `todo` says, into `outputs`; `actions` (n, a) are contiguous."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from navstack.bringup import reconfigure
 from navstack.core import InputError, NavError, Path, Pose2D, Twist2D
 from navstack.gym.levels import Level, Levels, level_number, level_weights, read_levels
-from navstack.gym.render import LevelPicture
+from navstack.gym.render import DrawnRobot, LevelPicture
 from navstack.gym.task import COMFORT_M, NEAR_M, check_positive, check_reset_options, refuse_unknown, reward_weights
 from navstack.parameters import Configuration, LidarParams, Source, load_configuration
 from navstack.plugins import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
@@ -100,7 +100,6 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         self._picture: LevelPicture | None = None
         self._needs_reset = True
         self._is_closed = False
-        self._episode = 0
         self._moved_at: float | None = None
         """Time at which the robot was `START_RADIUS_M` from its start (s)."""
 
@@ -148,7 +147,8 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         self._steps = self._scans = 0
         self._nearest, self._moved_at = math.inf, None
         self._collisions = 0
-        self._episode += 1
+        if self._picture is not None:
+            self._picture.begin_episode()
         self._seed = scenario.seed
         self._needs_reset = False
         configuration = scenario.configuration
@@ -214,15 +214,10 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
             self._picture = LevelPicture()
         p, robot = self._lidar_params, self._run.robot
         angles = p.angle_min + p.angle_increment * np.arange(p.beams)
+        pose = robot.pose.x, robot.pose.y, robot.pose.yaw
+        beams, mounted = np.column_stack((np.cos(angles), np.sin(angles))), np.array([p.x, p.y, p.yaw])
         return self._picture.draw(
-            self._level,
-            robot.footprint,
-            (robot.pose.x, robot.pose.y, robot.pose.yaw),
-            self._episode,
-            np.column_stack((np.cos(angles), np.sin(angles))),
-            np.array([p.x, p.y, p.yaw]),
-            (self._seen * self._clip).astype(np.float32),
-            self._clip,
+            [self._level], [DrawnRobot.of(robot.footprint, pose, mounted, beams, self._seen, self._clip)]
         )
 
     def close(self) -> None:

@@ -9,10 +9,13 @@ if TYPE_CHECKING:
     from navstack.parameters import LidarParams as LidarParams
     from navstack.parameters import SimParams as SimParams
     from navstack.parameters import SonarParams as SonarParams
+    from navstack.sim.body import DRIVEN_HIT as DRIVEN_HIT
     from navstack.sim.body import SAMPLE_SIZE as SAMPLE_SIZE
     from navstack.sim.body import STATE as STATE
+    from navstack.sim.body import Outlines as Outlines
     from navstack.sim.body import body_settings as body_settings
     from navstack.sim.body import drive as drive
+    from navstack.sim.body import drive_together as drive_together
     from navstack.sim.body import wheel_drive as wheel_drive
     from navstack.sim.bumper import Bumper as Bumper
     from navstack.sim.camera import Camera as Camera
@@ -42,7 +45,10 @@ if TYPE_CHECKING:
     from navstack.sim.shapes import Shape as Shape
     from navstack.sim.shapes import Still as Still
     from navstack.sim.shapes import low_disc as low_disc
+    from navstack.sim.solids import SolidGeometry as SolidGeometry
     from navstack.sim.solids import Solids as Solids
+    from navstack.sim.solids import pack_outlines as pack_outlines
+    from navstack.sim.solids import place_polygons as place_polygons
     from navstack.sim.world import OCCUPIED as OCCUPIED
     from navstack.sim.world import World as World
 else:

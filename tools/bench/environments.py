@@ -23,7 +23,7 @@ import numpy as np
 
 import navstack.gym
 from navstack.core import GridGeometry, OccupancyGrid
-from navstack.gym import Level, read_levels
+from navstack.gym import Level, LocalControlParallelEnv, read_levels
 from navstack.sim import World
 
 RANGE_M = 10.0
@@ -82,6 +82,27 @@ def vector(level: Level, beams: int, steps: int, number: int, threads: int) -> C
         for action in actions:
             env.step(action)
         return len(actions) * number
+
+    return run
+
+
+def together(agents: int, beams: int, steps: int) -> Callable[[], int]:
+    """Agents in one warehouse, which see each other; a step of the environment counts once per agent."""
+    env = LocalControlParallelEnv(
+        levels="warehouse", agents=agents, count=1, beams=beams, scan_clip=RANGE_M, collision="stop"
+    )
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (max(4, steps // agents), agents, 2)).astype(np.float32)
+    env.reset(seed=0)
+
+    def run() -> int:
+        done = 0
+        for each in actions:
+            chosen = {name: each[i] for i, name in enumerate(env.possible_agents) if name in env.agents}
+            env.step(chosen)
+            done += len(chosen)
+            if not env.agents:
+                env.reset()
+        return done
 
     return run
 
@@ -196,6 +217,8 @@ def main() -> None:
                 f"LocalControl, {beams} beams, {kind}, {args.number} in a vector, {args.threads} threads",
                 vector(shown, beams, args.steps, args.number, args.threads),
             )
+        for agents in (1, 10, 50):
+            best(f"LocalControl, {beams} beams, {agents} agents in a warehouse", together(agents, beams, args.steps))
         for name, peer in (("navground", navground_steps), ("ir-sim", irsim_steps)) if args.peers else ():
             try:
                 best(f"{name}, {beams} beams", peer(level, beams, args.steps))
