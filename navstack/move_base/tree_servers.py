@@ -524,7 +524,7 @@ class TreeServers:
             return
         self._at_work.pop(server, None)
         task.stop()
-        ticket.end(ActionState.SUCCEEDED, **result)
+        ticket.end(ActionState.SUCCEEDED, 0, "", **result)
 
     # --- controller ---------------------------------------------------------------------------------------------------
 
