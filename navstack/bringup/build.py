@@ -27,7 +27,7 @@ from navstack.costmap import LayeredCostmap, apply_reconfigure, check_reconfigur
 from navstack.docking import DockDatabase, docking_servers
 from navstack.global_planner import is_smoothed_by, smoothed, unsmoothed
 from navstack.localization import believed_start, make_filter, make_localizer
-from navstack.move_base import MoveBase, Planning, TreeMoveBase, call
+from navstack.move_base import MoveBase, Planning, TreeMoveBase, call, path_servers
 from navstack.parameters import Configuration
 from navstack.plugins import GlobalPlanner, LocalPlanner, Plugin, RecoveryBehavior, Robot
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
@@ -115,6 +115,12 @@ def build_move_base(
         stopwatch=stopwatch,
     )
     if isinstance(move_base, TreeMoveBase):
+        smoothers = {choice.name: call(choice.cls, choice.cls, choice.params) for choice in configuration.smoothers}
+        costmaps = move_base.global_costmap, move_base.local_costmap
+        move_base.task_servers = path_servers(
+            robot, costmaps, lambda: move_base.local_planner, smoothers, configuration.route_server
+        )
+        move_base.tree_behaviors = [_recovery(choice) for choice in configuration.behaviors]
         if configuration.docking is not None:
             move_base.behavior_servers = docking_servers(move_base, lambda: DockDatabase.of(configuration))
         if behavior_tree is not None:

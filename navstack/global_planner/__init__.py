@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from navstack.global_planner.smac_lattice import SmacLatticePlanner as SmacLatticePlanner
     from navstack.global_planner.smoothers.smoothed_planner import SmoothedPlanner as SmoothedPlanner
     from navstack.global_planner.smoothers.smoothed_planner import is_smoothed_by as is_smoothed_by
+    from navstack.global_planner.smoothers.smoothed_planner import smooth_path as smooth_path
     from navstack.global_planner.smoothers.smoothed_planner import smoothed as smoothed
     from navstack.global_planner.smoothers.smoothed_planner import unsmoothed as unsmoothed
     from navstack.global_planner.theta_star import Nav2ThetaStarParams as Nav2ThetaStarParams

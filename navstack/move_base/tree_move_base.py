@@ -9,7 +9,7 @@ Source: nav2_bt_navigator (navigators/navigate_to_pose.cpp), nav2_controller (co
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,7 +25,7 @@ from navstack.move_base.planning import PlanAnswer
 from navstack.move_base.plugin_calls import call, checked_flag
 from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.states import Mode, NavEvent, NavState, Outcome, Trigger
-from navstack.move_base.tree_servers import BehaviorServer, TreeServers
+from navstack.move_base.tree_servers import BehaviorServer, TaskServer, TreeServers
 from navstack.plugins import Behavior, BehaviorStatus
 
 TREE_FAILED: Final = "The behavior tree failed."
@@ -46,6 +46,17 @@ _NAMES: Final = {
     206: "GOAL_OCCUPIED",
     207: "TIMEOUT",
     208: "NO_VALID_PATH",
+    400: "UNKNOWN",
+    401: "TF_ERROR",
+    402: "NO_VALID_GRAPH",
+    403: "INDETERMINANT_NODES_ON_GRAPH",
+    404: "TIMEOUT",
+    405: "NO_VALID_ROUTE",
+    406: "OPERATION_FAILED",
+    407: "INVALID_EDGE_SCORER_USE",
+    501: "INVALID_SMOOTHER",
+    503: "SMOOTHED_PATH_IN_COLLISION",
+    505: "INVALID_PATH",
 }
 """Symbols of nav2_msgs by code; those of ComputePathThroughPoses are 100 higher."""
 _SHOWN: Final = {
@@ -92,7 +103,11 @@ class TreeMoveBase(MoveBase):
     """What the tree was read from; None while the states of move_base drive."""
 
     behavior_servers: Mapping[str, BehaviorServer] = {}
-    """Further servers of its trees, by name; set them before `use_tree`."""
+    """Further servers of its trees that move the robot, by name; set them before `use_tree`."""
+    task_servers: Mapping[str, TaskServer] = {}
+    """Further servers of its trees that do not, by name; set them before `use_tree`."""
+    tree_behaviors: Sequence[Behavior] = ()
+    """Behaviors besides the recoveries, whose parameters those of its trees have; set them before `use_tree`."""
 
     def use_states(self) -> None:
         """Let the states of move_base drive the next goals. Raises BusyError while a goal is driven."""
@@ -117,7 +132,9 @@ class TreeMoveBase(MoveBase):
             output=self._output,
             events=self._events,
             recoveries=self._recoveries,
+            behaviors=self.tree_behaviors,
             further=self.behavior_servers,
+            tasks=self.task_servers,
         )
         tree = BehaviorTree(source, servers=servers, distro=distro)
         self._check_idle()

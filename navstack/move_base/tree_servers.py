@@ -97,11 +97,36 @@ class BehaviorServer(Protocol):
         ...
 
 
+class TaskServer(Protocol):
+    """A further server of a tree whose goals do not move the robot. A new goal replaces the goal that runs; no call waits."""
+
+    @property
+    def first_code(self) -> int:
+        """The first error code of its action, which means an unknown error."""
+        ...
+
+    def start(self, goal: Mapping[str, object], now: float) -> Mapping[str, object] | None:
+        """Start a goal at `now` (s). Return its result, None while it runs. Raises NavError."""
+        ...
+
+    def update(self, now: float) -> Mapping[str, object] | None:
+        """Go on with the goal that runs. Return its result, None while it runs. Raises NavError."""
+        ...
+
+    def feedback(self) -> Mapping[str, object]:
+        """Return the feedback of the goal that runs."""
+        ...
+
+    def stop(self) -> None:
+        """End the goal that runs: it has a result or an error, or is canceled."""
+        ...
+
+
 class _StandardServer:
     """The server of one of Nav2's behaviors: its parameters are those of the configured behavior of the class."""
 
-    def __init__(self, name: str, recoveries: Recoveries) -> None:
-        self._name, self._recoveries = name, recoveries
+    def __init__(self, name: str, configured: Sequence[Behavior]) -> None:
+        self._name, self._configured = name, configured
         self._class, self._model, self._first_code = _BEHAVIORS[name]
 
     def observe(self, scans: Sequence[SensorData]) -> None:
@@ -109,7 +134,7 @@ class _StandardServer:
 
     def make(self, goal: Mapping[str, object]) -> Behavior:
         """Return the behavior with the values of the goal."""
-        configured: list[Any] = [b.params for b in self._recoveries.behaviors if type(b) is self._class]
+        configured: list[Any] = [b.params for b in self._configured if type(b) is self._class]
         known = configured[0] if configured else self._model()
         given = {name: value for name, value in goal.items() if name in self._model.model_fields}
         try:
@@ -129,6 +154,12 @@ class _StandardServer:
         """Return nothing."""
         del behavior
         return {}
+
+
+def _task_code(task: TaskServer, error: NavError) -> int:
+    """Return the code of Nav2's result for an error of a task."""
+    first = task.first_code
+    return error.code if first <= error.code < first + 100 else first
 
 
 @dataclass(slots=True)
@@ -156,9 +187,11 @@ class TreeServers:
         output: CommandOutput,
         events: EventPublisher,
         recoveries: Recoveries,
+        behaviors: Sequence[Behavior] = (),
         further: Mapping[str, BehaviorServer],
+        tasks: Mapping[str, TaskServer],
     ) -> None:
-        """`further` servers by name."""
+        """`behaviors` whose parameters count besides those of the recoveries; `further` servers and `tasks` by name."""
         self.now = 0.0
         """Time of the cycle (s)."""
         self.goal: ActiveGoal | None = None
@@ -189,8 +222,12 @@ class TreeServers:
         self._job: _PlanJob | None = None
         self._moving: ActionTicket | None = None
         """The behavior that runs."""
-        self._movers: dict[str, BehaviorServer] = {name: _StandardServer(name, recoveries) for name in _BEHAVIORS}
+        configured = [*recoveries.behaviors, *behaviors]
+        self._movers: dict[str, BehaviorServer] = {name: _StandardServer(name, configured) for name in _BEHAVIORS}
         self._movers |= further
+        self._tasks = dict(tasks)
+        self._at_work: dict[str, ActionTicket] = {}
+        """Goals of the tasks that run, by the name of the server."""
         self._moving_server: BehaviorServer | None = None
         self._is_recovery = False
         """True if the next goal or call is a recovery."""
@@ -216,6 +253,8 @@ class TreeServers:
             self._fail_moving(NavError("the behavior was abandoned"))
         if self._job is not None and not self._planning.is_busy:
             self._fail_job(self._job, NavError("the plan request was abandoned"))
+        for server in list(self._at_work):
+            self._run_task(server, self._at_work[server], lambda task: task.update(now))
 
     def observe(self, scans: Sequence[SensorData]) -> None:
         """Pass on what the sensors have reported since the last tick to the server whose behavior runs."""
@@ -225,6 +264,9 @@ class TreeServers:
     def forget(self) -> None:
         """Drop all goals: the tree has been halted and its goal ended."""
         self.following = self.plan = self._moving = self._job = None
+        for server in self._at_work:
+            self._tasks[server].stop()
+        self._at_work.clear()
         self.goal = None
         self.errors.clear()
         self.last_code = 0
@@ -237,7 +279,12 @@ class TreeServers:
     def offers(self, item: Action) -> bool:
         """Return False for a node whose action server or service is none of these."""
         if isinstance(item, ServerAction):
-            return item.server == _FOLLOW or item.server in _PLANNERS or item.server in self._movers
+            return (
+                item.server == _FOLLOW
+                or item.server in _PLANNERS
+                or item.server in self._movers
+                or item.server in self._tasks
+            )
         return not isinstance(item, ServiceAction) or item.type.startswith("Clear") or item.type in _SERVICES
 
     # --- Servers ------------------------------------------------------------------------------------------------------
@@ -251,11 +298,15 @@ class TreeServers:
             self._start_following(ticket, goal.get("path"))
         elif server in self._movers:
             self._start_behavior(ticket, server, goal)
+        elif server in self._tasks:
+            if server in self._at_work:
+                self.cancel(self._at_work[server])
+            self._run_task(server, ticket, lambda task: task.start(goal, self.now))
         else:
             self._events.warn(
                 self.now,
-                f'the behavior tree asks for the server "{server}", which navstack offers to no tree; '
-                "routes and coverage are steps of a scenario (docs/concepts/behavior_trees.md)",
+                f'the behavior tree asks for the server "{server}", which navstack offers to no tree '
+                "(docs/concepts/behavior_trees.md lists those that it offers)",
             )
             return None
         return ticket
@@ -278,6 +329,10 @@ class TreeServers:
         elif self._job is not None and ticket is self._job.ticket:
             self._job = None
             self._planning.abandon()
+        else:
+            for server in [name for name, its in self._at_work.items() if its is ticket]:
+                del self._at_work[server]
+                self._tasks[server].stop()
         ticket.end(ActionState.CANCELED)
 
     def cancel_all(self, server: str) -> bool:
@@ -288,6 +343,8 @@ class TreeServers:
             ticket = self._job.ticket if self._job is not None else None
         elif server in self._movers:
             ticket = self._moving
+        elif server in self._tasks:
+            ticket = self._at_work.get(server)
         else:
             return False
         if ticket is not None:
@@ -444,6 +501,30 @@ class TreeServers:
             goal.statistics.add_failed_plan(error, self.now)
         self._events.failure(self.now, "plan_failed", error)
         self.abort(job.ticket, code - 200 + job.base, error)
+
+    # --- tasks --------------------------------------------------------------------------------------------------------
+
+    def _run_task(
+        self, server: str, ticket: ActionTicket, step: Callable[[TaskServer], Mapping[str, object] | None]
+    ) -> None:
+        """Start a goal of a task, or go on with it: it ends with a result or an error, or runs on with its feedback."""
+        task = self._tasks[server]
+        try:
+            result = step(task)
+            ticket.feedback = task.feedback()
+        except NavError as exc:
+            self._at_work.pop(server, None)
+            task.stop()
+            if self.goal is not None:
+                self.goal.statistics.add_failure(exc, self.now)
+            self.abort(ticket, _task_code(task, exc), exc)
+            return
+        if result is None:
+            self._at_work[server] = ticket
+            return
+        self._at_work.pop(server, None)
+        task.stop()
+        ticket.end(ActionState.SUCCEEDED, 0, "", **result)
 
     # --- controller ---------------------------------------------------------------------------------------------------
 

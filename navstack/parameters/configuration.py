@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from navstack.parameters.findings import Finding, Location, finding, in_order
 from navstack.parameters.foreign import FOREIGN_LOCAL_PLANNERS
 from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams, builtin_recoveries
 from navstack.parameters.nav2.declared import NAV2_DISTROS
-from navstack.parameters.nodes import load_docking, load_localization, load_safety
+from navstack.parameters.nodes import load_docking, load_localization, load_safety, unwrap_ros2
 from navstack.parameters.plugin_lists import (
     ListedPlugin,
     PluginLists,
@@ -51,6 +51,7 @@ from navstack.plugins import (
     PluginSpec,
     RecoveryBehavior,
     Registry,
+    Smoother,
 )
 
 if TYPE_CHECKING:
@@ -350,6 +351,7 @@ class Loader:
         parts["navstack"] = navstack
         parts["safety"] = load_safety(self.root, self.binder, self.findings)
         parts["localization"] = load_localization(self.root, self.binder, self.findings)
+        for_trees = self._for_trees()
         docking, docking_usable = load_docking(self.root, self.binder, self.findings)
         meant = meant_sections(self.root, self.binder)
         self._check_unselected_planners({section.path for section in meant})
@@ -361,6 +363,7 @@ class Loader:
                 **parts,
                 smoother=smoother,
                 docking=docking,
+                **for_trees,
                 findings=(),
                 tree=self.root,
                 origins=self.binder.origins,
@@ -526,6 +529,40 @@ class Loader:
         """The smoother of the plans; None if none is selected, or it cannot be used (reported)."""
         leaf = self.root.leaf("base_smoother")
         return None if leaf is None or leaf.value is None else self._planner(SMOOTHERS, "base_smoother")
+
+    def _for_trees(self) -> dict[str, Any]:
+        """What only behavior trees use: further behaviors, smoothers by their ids, the graph of routes."""
+        behaviors = [
+            self._recovery(p, {}) for p in self.plugins.read(self.root, "behavior_plugins", RECOVERY_BEHAVIORS) or ()
+        ]
+        routes = self._server_section("route_server")
+        for leaf in routes.leaves() if routes is not None else ():
+            leaf.used = True
+        return {
+            "behaviors": tuple(behavior for behavior in behaviors if behavior is not None),
+            "smoothers": tuple(self._smoothers()),
+            "route_server": {} if routes is None else routes.as_dict(),
+        }
+
+    def _smoothers(self) -> Iterator[Plugin[Smoother]]:
+        server = self._server_section("smoother_server")
+        if server is None:
+            return
+        for plugin in self.plugins.read(server, "smoother_plugins", SMOOTHERS) or ():
+            entry = self.plugins.find(SMOOTHERS, plugin)
+            if entry is None:
+                mark_used(server, plugin.name)
+                continue
+            params = self.binder.bind(entry.cls.Params, self.binder.child(server, plugin.name))
+            if params is not None:
+                yield Plugin(plugin.name, entry.cls, params, f"{server.path}/{plugin.name}")
+
+    def _server_section(self, name: str) -> Space | None:
+        if self.root.space(name) is None:
+            return None
+        space = self.binder.child(self.root, name)
+        unwrap_ros2(space, self.findings)
+        return space
 
     def _move_base_file(self) -> str:
         """The file in which a missing parameter of move_base is expected."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from navstack.core import Footprint
 from navstack.parameters.findings import Finding, Location
@@ -121,6 +121,12 @@ class Configuration:
     """amcl and the odometry filter."""
     docking: DockingParams | None = None
     """The section `docking_server`; None if it is not written."""
+    behaviors: tuple[Plugin[RecoveryBehavior], ...] = ()
+    """Behaviors of trees besides the recoveries: those of `behavior_plugins`."""
+    smoothers: tuple[Plugin[Smoother], ...] = ()
+    """Smoothers of trees: those of `smoother_plugins` of the section `smoother_server`."""
+    route_server: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Parameters of Nav2's route_server, and its graph; empty if the section is not written."""
     nav2_ids: Mapping[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
     """Files of Nav2: id of a plugin -> its namespace here: FollowPath -> DWBLocalPlanner."""
     nav2_distro: str = field(default="", compare=False)

@@ -41,7 +41,6 @@ FOREIGN_LOCAL_PLANNERS = frozenset(FOREIGN_PLANNERS) - {
 NAV2_NODES = {
     "planner_server": "base_global_planner names the planner, whose section (GridBased) belongs at the root",
     "controller_server": "base_local_planner names the controller, whose section (FollowPath) belongs at the root",
-    "smoother_server": "base_smoother names the smoother, whose section (simple_smoother) belongs at the root",
 }
 """Namespaces of Nav2's nodes -> what move_base has instead."""
 

@@ -9,8 +9,10 @@ if TYPE_CHECKING:
     from navstack.routes.errors import InvalidGraphError as InvalidGraphError
     from navstack.routes.errors import NoValidRouteError as NoValidRouteError
     from navstack.routes.errors import RouteError as RouteError
+    from navstack.routes.errors import RouteFrameError as RouteFrameError
     from navstack.routes.follow import FollowRoute as FollowRoute
     from navstack.routes.follow import RouteFeedback as RouteFeedback
+    from navstack.routes.follow import TrackedRoute as TrackedRoute
     from navstack.routes.from_map import graph_from_map as graph_from_map
     from navstack.routes.geojson import graph_text as graph_text
     from navstack.routes.geojson import load_graph as load_graph

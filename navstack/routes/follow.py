@@ -9,8 +9,26 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from navstack.core import FrameError, NavError, Path, PlanningError, Pose2D, RobotState, Twist2D
-from navstack.plugins import Behavior, BehaviorContext, BehaviorStatus, BehaviorStep, ControlInput, Plan
+from navstack.core import (
+    Costmap,
+    FrameError,
+    NavError,
+    Path,
+    PlanningError,
+    Pose2D,
+    RobotState,
+    Transform2D,
+    Twist2D,
+)
+from navstack.plugins import (
+    Behavior,
+    BehaviorContext,
+    BehaviorStatus,
+    BehaviorStep,
+    ControlInput,
+    LocalPlanner,
+    Plan,
+)
 from navstack.routes.errors import NoValidRouteError, RouteError, RouteFrameError
 from navstack.routes.planner import RoutePlanner
 from navstack.routes.route import PlannedRoute, RouteParams
@@ -47,6 +65,80 @@ class RouteFeedback:
     """Those of the last node."""
     rerouted: int
     """How often another route was planned."""
+
+
+def _feedback(
+    planned: PlannedRoute, tracker: RouteTracker, path: Path, triggered: tuple[str, ...], rerouted: int
+) -> RouteFeedback:
+    graph = planned.route.graph
+    last, following = (
+        None if node is None else int(graph.node_ids[node]) for node in (tracker.last_node, tracker.next_node)
+    )
+    edge = None if tracker.edge is None else int(graph.edge_ids[tracker.edge])
+    return RouteFeedback(last, following, edge, planned, path, triggered, rerouted)
+
+
+class TrackedRoute:
+    """Follows the progress of a robot on a route that something else drives, as nav2_route's server does.
+
+    Operations act, and another route is planned where one of them wants it.
+    """
+
+    def __init__(self, planner: RoutePlanner, planned: PlannedRoute, operations: Sequence[RouteOperation]) -> None:
+        self.planner = planner
+        self.planned = planned
+        """The current route."""
+        self.blocked: list[int] = []
+        """Ids of edges that were found blocked."""
+        self.rerouted = 0
+        """How often another route was planned."""
+        self.triggered: tuple[str, ...] = ()
+        """Names of the operations of the last node."""
+        self._operations = Operations(operations)
+        self._tracker = RouteTracker(planned.route, planner.params, planned.begun)
+
+    def begin(self, local_planner: LocalPlanner, now: float) -> None:
+        """Begin at `now` (s): operations may limit the speed of the local planner."""
+        for operation in self._operations.all:
+            operation.begin(local_planner, now)
+
+    def update(
+        self, pose: Pose2D, now: float, local_planner: LocalPlanner, costmap: Costmap, to_costmap: Transform2D
+    ) -> bool:
+        """Return True once the last node has been reached. `pose` is in the frame of the graph, `costmap` the local one.
+
+        Raises RouteError of an operation, or without another route.
+        """
+        tracker, planner = self._tracker, self.planner
+        changed = tracker.update(pose)
+        event = OperationEvent(now, pose, tracker, planner, local_planner, costmap, to_costmap)
+        wanted, names = self._operations.process(event, changed=changed)
+        if changed or names:
+            self.triggered = tuple(names)
+        if tracker.completed or not wanted.reroute:
+            return tracker.completed
+        kept = self.blocked if planner.params.aggregate_blocked_ids else []
+        self.blocked = list(dict.fromkeys([*kept, *wanted.blocked]))
+        ids, end = planner.graph.node_ids, self.planned.goal
+        last = tracker.last_node
+        self.planned = planner.plan(
+            pose,
+            int(ids[self.planned.whole.nodes[-1]]) if end is None else end,
+            blocked=self.blocked,
+            resume=None if last is None else (int(ids[last]), pose, tracker.edge),
+        )
+        self._tracker = RouteTracker(self.planned.route, planner.params, self.planned.begun)
+        self.rerouted += 1
+        return False
+
+    def feedback(self) -> RouteFeedback:
+        """Return the progress."""
+        return _feedback(self.planned, self._tracker, self.planned.path, self.triggered, self.rerouted)
+
+    def end(self, local_planner: LocalPlanner) -> None:
+        """Undo what should not outlast the route."""
+        for operation in self._operations.all:
+            operation.end(local_planner)
 
 
 class FollowRoute(Behavior[RouteParams]):
@@ -127,10 +219,7 @@ class FollowRoute(Behavior[RouteParams]):
         """Return the progress; None before the first step."""
         if self.planned is None or self._tracker is None or self._plan is None:
             return None
-        t, ids = self._tracker, self.planner.graph.node_ids
-        last, following = (None if node is None else int(ids[node]) for node in (t.last_node, t.next_node))
-        edge = None if t.edge is None else int(self.planner.graph.edge_ids[t.edge])
-        return RouteFeedback(last, following, edge, self.planned, self._plan.path, self.triggered, len(self.reroutes))
+        return _feedback(self.planned, self._tracker, self._plan.path, self.triggered, len(self.reroutes))
 
     # --- steps --------------------------------------------------------------------------------------------------------
 

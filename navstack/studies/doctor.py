@@ -38,6 +38,8 @@ MOST_PATH_PER_GOAL: Final = 3.0
 """A path_distance_bias of more goal_distance_biases is a possible cause; the turtlebot's, which drives, is 2.7 of them."""
 PATH_PER_GOAL: Final = 4.0 / 3.0
 """The ratio of ROS's defaults before 2018, 32 and 24, from which most robots' weights come; 0.75 since then."""
+SHORT_WINDOW_M: Final = 1.0
+"""A plan that DWB sees this far ahead hardly leads around the end of a wall."""
 MOST_FIXES: Final = 3
 PAIRS_TRIED: Final = 60
 SHORTEST_M: Final = 3.0
@@ -248,6 +250,14 @@ def _scoring(configuration: Configuration) -> Iterator[Cause]:
             f"{name} = {path:g} is {path / goal:.1f} times goal_distance_bias: staying on the path outweighs progress"
         )
         yield Cause("heavy-path", text, {name: round(PATH_PER_GOAL * goal, 6)})
+    ahead = getattr(planner.params, "forward_prune_distance", 0.0)
+    if getattr(planner.params, "until_kilted", False) and not 0.0 <= ahead <= SHORT_WINDOW_M:
+        name = f"{planner.namespace}/forward_prune_distance"
+        text = (
+            f"{name} = {ahead:g} m: the plan in the local window may end behind a wall, and GoalDist and GoalAlign measure "
+            "through obstacles, so that the robot waits before it"
+        )
+        yield Cause("pulled-through-walls", text, {name: SHORT_WINDOW_M})
     heavy = next((f for f in configuration.findings if f.rule == "scoring-scale"), None)
     if heavy is not None and heavy.suggestion is not None:
         yield Cause("heavy-obstacles", heavy.message, {f"{planner.namespace}/occdist_scale": float(heavy.suggestion)})

@@ -899,9 +899,9 @@ def test_a_reverse_drive_that_takes_longer_than_it_may(allowance: float, reporte
 
 
 def test_a_node_that_is_not_run_is_named_once() -> None:
-    more = {"smoother_server": {"ros__parameters": {"smoother_plugins": ["simple_smoother"]}}}
+    more = {"waypoint_follower": {"ros__parameters": {"loop_rate": 20}}}
     (found,) = [f for f in check_parameters([str(ROBOT), more]) if f.rule == "nav2-not-run"]
-    assert found.message == ("navstack does not run smoother_server: its parameters are checked, but they set nothing")
+    assert found.message == ("navstack does not run waypoint_follower: its parameters are checked, but they set nothing")
 
 
 # --- names that are too deep --------------------------------------------------------------------------------------------

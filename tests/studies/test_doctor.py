@@ -62,6 +62,11 @@ def test_each_cause_comes_with_the_parameters_that_remove_it() -> None:
     assert causes("DWAPlannerROS/sim_time=0.5")["sim_time"].fix == "DWAPlannerROS/sim_time: 2.0"
     assert causes("DWAPlannerROS/sim_time=4.0")["sim_time"].fix == "DWAPlannerROS/sim_time: 1.7"
     assert "scoring-scale" not in causes(robot="turtlebot_rpp")
+    window = "DWBLocalPlanner/forward_prune_distance"
+    speeds = [f"DWBLocalPlanner/{n}=0.5" for n in ("max_vel_x", "max_vel_theta", "max_speed_xy")]
+    dwb = ("base_local_planner=dwb_core::DWBLocalPlanner", *speeds)
+    assert "pulled-through-walls" not in causes(*dwb, f"{window}=1.0")
+    assert causes(*dwb, f"{window}=2.0")["pulled-through-walls"].settings == {window: 1.0}
 
 
 @pytest.mark.slow

@@ -32,14 +32,21 @@ class SmoothedPlanner(GlobalPlanner):
     ) -> Plan:
         """Plan, and smooth the path; raises what the planner raises."""
         plan = self.planner.make_plan(costmap, start, goal, footprint=footprint, keep_potential=keep_potential)
-        has_headings = plan.for_footprint or len(plan.path) < 3 or plan.path.poses[:-1, 2].any()
-        path = plan.path if has_headings else _with_headings(plan.path)
-        path = self.smoother.smooth(path, costmap, footprint=footprint)
-        if not has_headings:
-            along = _with_first_heading(path, 1)
-            if is_good(path.poses[:2], along.poses[:2], costmap, footprint, 0.0):
-                path = along
+        path = smooth_path(self.smoother, plan.path, costmap, footprint, has_headings=plan.for_footprint)
         return replace(plan, path=path)
+
+
+def smooth_path(
+    smoother: Smoother, path: Path, costmap: Costmap, footprint: Footprint | None, *, has_headings: bool = False
+) -> Path:
+    """Return a smoother path. One over cells, whose headings are 0, gets headings along it before, unless it `has_headings`."""
+    has_headings = has_headings or len(path) < 3 or bool(path.poses[:-1, 2].any())
+    path = smoother.smooth(path if has_headings else _with_headings(path), costmap, footprint=footprint)
+    if not has_headings:
+        along = _with_first_heading(path, 1)
+        if is_good(path.poses[:2], along.poses[:2], costmap, footprint, 0.0):
+            return along
+    return path
 
 
 _AHEAD: Final = 5

@@ -614,6 +614,8 @@ _RUN: Final = frozenset(
         "costmap",
         "docking_server",
         "planner_server",
+        "route_server",
+        "smoother_server",
         "velocity_smoother",
     }
 )

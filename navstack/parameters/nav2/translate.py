@@ -28,7 +28,7 @@ from navstack.parameters.nav2.document import COSTMAP_NODES, NAVIGATION, Nodes, 
 from navstack.parameters.spelling import nearest
 from navstack.parameters.tree import Space, Translation
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
-from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, Registry
+from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, SMOOTHERS, Registry
 
 MAX_PLANNING_RETRIES: Final = 1
 """The default tree clears the global costmap and plans once more before it recovers."""
@@ -206,6 +206,8 @@ class _Translator:
             if name in self.nodes.nodes and exists(name, self.distro):
                 self._node_section(name)
         self._docking()
+        self._smoother_server()
+        self._route_server()
         self._behavior_tree()
         self._report_without()
         self._report_not_run()
@@ -752,16 +754,35 @@ class _Translator:
             if block is not None and "Wait" not in kind:
                 self._behavior_rows(node, kind, rows, space)
         self._put(self.root, "recovery_behaviors", entries)
+        self._other_behaviors(node, audit, rows, {block.id for _, _, block, _ in usable if block is not None})
         for block in audit.of_kind("behavior"):
             if block.scope and not self.classes["behavior"].get(block.scope):
                 message = f"navstack has no behavior {block.scope} ({block.id}); the default tree does not use it"
                 self._add("info", "nav2-no-such-plugin", block.at, node.key(f"{block.prefix}plugin"), message)
+
+    def _other_behaviors(
+        self, node: RosNode, audit: NodeAudit, rows: Mapping[str, Declared], recoveries: set[str]
+    ) -> None:
+        """The behaviors of the server that are no recoveries of the default tree, for other trees."""
+        entries: list[dict[str, str]] = []
+        for block in audit.of_kind("behavior"):
+            kind = self.classes["behavior"].get(block.scope, "")
+            if not kind or block.id in recoveries:
+                continue
+            space = self._section(block.id, node, block.prefix)
+            if not kind.endswith("Wait"):
+                self._behavior_rows(node, kind, rows, space)
+            entries.append({"name": block.id, "type": kind})
+        if entries:
+            self._put(self.root, "behavior_plugins", entries)
 
     def _behavior_rows(self, node: RosNode, kind: str, rows: Mapping[str, Declared], space: Space) -> None:
         """Keys at the level of the server, which its behaviors share."""
         own = {"cycle_frequency", "simulate_ahead_time"}
         if kind.endswith("Spin"):
             own |= {"max_rotational_vel", "min_rotational_vel", "rotational_acc_lim"}
+        elif kind.endswith("AssistedTeleop"):
+            own = {"cycle_frequency", "projection_time", "simulation_time_step"}
         shared = {n: r._replace(counterpart=r.counterpart.partition("/")[2]) for n, r in rows.items() if n in own}
         self._rows(node, "", shared, space)
         slowest = space.leaf("min_rotational_vel")
@@ -824,9 +845,7 @@ class _Translator:
         named, param = node.text("dock_database"), node.params.get("dock_database")
         if not named or param is None:
             return
-        folder = Path(param.at.file).parent
-        places = (folder / Path(named).expanduser(), folder / Path(named).name)
-        file = next((place.resolve() for place in places if is_file(place)), None)
+        file = _next_to(named, Path(param.at.file).parent)
         if file is not None:
             self._put(space, "dock_database", str(file), param.at)
             return
@@ -836,6 +855,57 @@ class _Translator:
         )
         self._add("warning", "nav2-docks", param.at, node.key("dock_database"), message)
         self._put(space, "dock_database", "", param.at)
+
+    def _smoother_server(self) -> None:
+        """The smoothers of the server, which trees ask for by their ids."""
+        name = "smoother_server"
+        if name not in self.nodes.nodes or not exists(name, self.distro):
+            return
+        node, audit = self.nodes.nodes[name], self.audits[name]
+        space = self._section(name, node, "")
+        entries: list[dict[str, str]] = []
+        for block in audit.of_kind("smoother"):
+            kind = self.classes["smoother"].get(block.scope, block.scope)
+            if kind not in SMOOTHERS:
+                if block.scope:
+                    message = f"navstack has no smoother {block.scope} ({block.id}); a tree that asks for it fails with code 501"
+                    self._add("warning", "nav2-no-such-plugin", block.at, node.key(f"{block.prefix}plugin"), message)
+                continue
+            entries.append({"name": block.id, "type": kind})
+            below = self._section(f"{name}/{block.id}", node, block.prefix)
+            self._rows(node, block.prefix, self._declared(block.scope), below)
+        self._put(space, "smoother_plugins", entries, self._array_at(node, audit, "smoother"))
+
+    def _route_server(self) -> None:
+        """The graph of routes with its edge scorers and operations."""
+        name = "route_server"
+        if name not in self.nodes.nodes or not exists(name, self.distro):
+            return
+        node, audit = self.nodes.nodes[name], self.audits[name]
+        space = self._section(name, node, "")
+        self._rows(node, "", self._declared(name), space)
+        for kind in ("edge scorer", "route operation"):
+            for block in audit.of_kind(kind):
+                if block.scope:
+                    below = self._section(f"{name}/{block.id}", node, block.prefix)
+                    self._put(below, "plugin", block.scope, block.at)
+                    rows = self._declared(block.scope)
+                    self._rows(node, block.prefix, rows, below)
+                    for param in node.params.values():  # the classes of SemanticScorer have names of their own
+                        own = param.name.removeprefix(block.prefix)
+                        if param.name.startswith(block.prefix) and own not in rows and own != "plugin":
+                            self._take(node, param, below, own)
+        named, param = node.text("graph_filepath"), node.params.get("graph_filepath")
+        if not named or param is None:
+            return
+        file = _next_to(named, Path(param.at.file).parent)
+        if file is None:
+            message = (
+                f"the graph {Path(named).name} is not found, neither as {named} nor next to the parameters, so trees that ask "
+                "for routes fail; put the file next to the parameters"
+            )
+            self._add("warning", "nav2-route-graph", param.at, node.key("graph_filepath"), message)
+        self._put(space, "graph_filepath", "" if file is None else str(file), param.at)
 
     def _base_frame(self, node: RosNode) -> None:
         """Note that another base frame is taken as that of the costmap: poses are planar, so base_footprint is base_link."""
@@ -863,6 +933,12 @@ DEFAULT_TREES: Final = (DEFAULT_TREE, "navigate_w_replanning_and_recovery")
 """Names of that tree in Nav2's installations."""
 _LISTED: Final = 12
 """Keys that a message lists."""
+
+
+def _next_to(named: str, folder: Path) -> Path | None:
+    """A file that the parameters name: where they say, or under its name next to them."""
+    places = (folder / Path(named).expanduser(), folder / Path(named).name)
+    return next((place.resolve() for place in places if is_file(place)), None)
 
 
 def _tree_file(named: str, folder: Path) -> Path | None:
