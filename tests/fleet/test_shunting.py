@@ -83,7 +83,7 @@ def reachable(graph: RouteGraph, at: dict[str, int], goal: int) -> bool:
     return False
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(trees_with_robots())
 def test_moves_are_found_where_there_are_any(case: tuple[RouteGraph, dict[str, int], int]) -> None:
     graph, at, goal = case
