@@ -13,6 +13,7 @@ import argparse
 import math
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -92,10 +93,12 @@ def drive(
     silences: dict[str, tuple[float, float]] | None = None,
     order: int = 0,
     check: bool = True,
+    watch: Callable[[TrafficControl], None] | None = None,
 ) -> Result:
     """Drive all robots through their goals; `order` turns the list of reports, `check` looks for contacts.
 
-    `deaths`: when robots stop for good; `silences`: from when until when their messages are lost (s).
+    `deaths`: when robots stop for good; `silences`: from when until when their messages are lost (s). `watch` is called after
+    each exchange.
     """
     rng = np.random.default_rng(seed)
     robots = [
@@ -134,6 +137,8 @@ def drive(
         ]
         turn = order % max(len(reports), 1)
         grants = control.update(now, reports[turn:] + reports[:turn])
+        if watch is not None:
+            watch(control)
         for robot in robots:
             if robot.alive:
                 _move(robot, None if robot.name in mute else grants.get(robot.name), case.graph, step, now)

@@ -19,8 +19,10 @@ InWay = Callable[[str, int, str], Collection[int]]
 Closed = Callable[[str, int], bool]
 """Returns whether something that cannot be moved is in the way of a robot on an edge."""
 
-STATES: Final = 300
-"""So many states of the search at most: places of the robot and of the others."""
+DETOURS: Final = 300
+"""So many places of the robot, with places of the others, are tried at most as begin of its way."""
+STATES: Final = 3000
+"""So many states, places of the robot and of the others, are searched at most if that finds nothing."""
 _CHAINS: Final = 12
 """So many of the shortest ways out are tried for the robots in the way."""
 
@@ -44,16 +46,17 @@ class Shunting:
         """Return moves that end with `mover` at its goal; None if none were found. `at`: the nodes of all robots.
 
         The robot drives its shortest way if all that stand on it find places off it. If not, it drives elsewhere first, such as
-        out of a dead end or past a junction; the shortest moves are tried first.
+        out of a dead end or past a junction; the shortest moves are tried first. If that fails, which needs nearly as many robots
+        as nodes, all moves of all robots are searched.
         """
         toward = self._toward(mover, goal)
         if at[mover] not in toward:
             return None
         queue: list[tuple[float, int, dict[str, int], list[Move]]] = [(0.0, 0, dict(at), [])]
         seen = {self._key(at, mover)}
-        for _ in range(STATES):
+        for _ in range(DETOURS):
             if not queue:
-                return None
+                break
             cost, _, state, moves = heapq.heappop(queue)
             last = self._drive(dict(state), mover, goal, toward)
             if last is not None:
@@ -67,6 +70,29 @@ class Shunting:
                 seen.add(key)
                 way = sum(self._lengths[each] for _, each in step)
                 heapq.heappush(queue, (cost + way, len(seen), after, moves + step))
+        return self._search(at, mover, goal)
+
+    def _search(self, at: dict[str, int], mover: str, goal: int) -> list[Move] | None:
+        """Return the fewest moves, of all that any robot can make (breadth first); None if there are none in STATES states."""
+        states: list[tuple[dict[str, int], int, Move]] = [(at, -1, (mover, -1))]
+        seen = {self._key(at, mover)}
+        for number, (state, _, _) in enumerate(states):
+            if number == STATES:
+                return None
+            if state[mover] == goal:
+                moves = list[Move]()
+                while number > 0:
+                    _, before, move = states[number]
+                    moves.append(move)
+                    number = before
+                return moves[::-1]
+            for name, node in state.items():
+                for edge in self._out[node]:
+                    after = {**state, name: self._ends[edge]}
+                    key = self._key(after, mover)
+                    if key not in seen and self._free(state, name, edge):
+                        seen.add(key)
+                        states.append((after, number, (name, edge)))
         return None
 
     @staticmethod

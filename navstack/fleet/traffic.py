@@ -378,9 +378,11 @@ class _GraphTraffic(TrafficRule):
         self._hold(robot, robot.end, robot.route[robot.clear + 1])
         robot.clear += 1
 
-    def _turns_back(self, robot: _Robot) -> bool:
-        """Return whether it holds the next node already: its place would have two meanings, so it drives to the end first."""
-        return robot.route[robot.clear + 1] in robot.route[: robot.clear]
+    def _arrives_first(self, robot: _Robot) -> bool:
+        """Return whether a robot drives to the end of its grant before it gets more: its goal is there, or it holds the next node
+        already, so that its place would have two meanings.
+        """
+        return robot.end == robot.goal or robot.route[robot.clear + 1] in robot.route[: robot.clear]
 
     # --- who is in the way --------------------------------------------------------------------------------------------
 
@@ -572,7 +574,7 @@ class _GraphTraffic(TrafficRule):
                     robot.text, robot.blockers = ("waits for" if blockers else ""), blockers
                 robot.route.append(int(self._graph.ends[edge]))
                 free = earlier is None and not blockers and robot.left_m < self.params.ahead
-                if free and not self._turns_back(robot):
+                if free and not self._arrives_first(robot):
                     self._extend(robot)
                     continue
                 waiting.add(name)
@@ -702,7 +704,9 @@ class Reservation(_GraphTraffic):
         if robot.goal is not None and robot.route[-1] != robot.goal:
             robot.text = f"has no way to node {self._id(robot.goal)} on the graph"
             return
-        while robot.clear < len(robot.route) - 1 and robot.left_m < self.params.ahead and not self._turns_back(robot):
+        while (
+            robot.clear < len(robot.route) - 1 and robot.left_m < self.params.ahead and not self._arrives_first(robot)
+        ):
             count, claimed = 0, ""
             for a, b in pairwise(robot.route[robot.clear :]):
                 blockers, hard = self._conflicts(robot, self._edge[a, b])
@@ -881,7 +885,7 @@ class Pibt(_GraphTraffic):
             if all(self._choose(self._robots[name], (*above, robot), decided) for name in hard if name not in decided):
                 if not blockers:
                     robot.route[robot.clear + 1 :] = [int(graph.ends[edge])]
-                    if not self._turns_back(robot):
+                    if not self._arrives_first(robot):
                         self._extend(robot)
                     return True
                 return self._wait(robot, blockers, hard)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from navstack.core import InputError, Pose2D
 from navstack.fleet import Communication, RobotReport, TrafficControl, TrafficParams, make_rule
 from navstack.routes import build_graph
-from tools.fleet_runs import CASES, Case, drive
+from tools.fleet_runs import CASES, Case, drive, grid
 
 ROAD = build_graph({i: (2.0 * i, 0.0) for i in range(5)}, [(i, i + 1) for i in range(4)], both_ways=True)
 
@@ -102,15 +107,48 @@ def test_a_robot_that_cannot_drive_keeps_only_its_place() -> None:
     assert grants["b"].nodes == (4, 3, 2)
 
 
-def test_silence_frees_nothing() -> None:
-    rule = make_rule("reservation", ROAD, TrafficParams(silence=2.0))
+def test_a_silent_robot_keeps_what_it_can_have_reached() -> None:
+    rule = make_rule("reservation", ROAD, TrafficParams(silence=4.0, ahead=8.0))
+    grant = rule.update(0.0, [replace(report("a", 0.0, 4), speed=0.7)])["a"]
+    assert grant.nodes == (0, 1, 2, 3, 4)
+    assert grant.until == 3.0  # it stops a second before it becomes an obstacle
+    held = rule.held()["a"]  # type: ignore[attr-defined]
+    assert rule.update(4.0, [report("b", 8.0, 0, 4.0)])["b"].nodes == (4,)
+    assert rule.held()["a"] == held  # type: ignore[attr-defined]
+    grant = rule.update(4.5, [report("b", 8.0, 0, 4.5)])["b"]
+    assert rule.held()["a"][-1] == "node 2"  # type: ignore[attr-defined]  # it drove 2.8 m at most
+    assert grant.nodes == (4, 3)
+    assert grant.reason.endswith("held by a, which does not report")
+    # it is back: what it had been granted beyond node 2 is gone
+    grants = rule.update(6.0, [report("a", 1.5, 4, 6.0), report("b", 7.0, 0, 6.0)])
+    assert grants["a"].nodes == (0, 1, 2)
+    assert grants["b"].nodes == (4, 3)
+
+
+def test_a_robot_of_unknown_speed_keeps_its_whole_grant() -> None:
+    rule = make_rule("reservation", ROAD)
     rule.update(0.0, [report("a", 0.0, 4)])
     held = rule.held()["a"]  # type: ignore[attr-defined]
-    for now in range(1, 10):
-        grants = rule.update(float(now), [report("b", 8.0, 0, float(now))])
+    rule.update(60.0, [])
     assert rule.held()["a"] == held  # type: ignore[attr-defined]
-    assert grants["b"].up_to == 3
-    assert grants["b"].reason.endswith("held by a, which does not report")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["reservation", "pibt"])
+@pytest.mark.parametrize("until", [60.0, 1e6])
+def test_the_others_go_on_beside_a_silent_robot(rule: str, until: float) -> None:
+    case = Case(grid(3, 3), {"a": 0, "b": 8, "c": 2}, {"a": [5], "b": [6, 8], "c": [6, 2]})
+    params = TrafficParams(reach=0.05, silence=1.5)  # it drives to the first node at most
+    result = drive(case, rule, silences={"a": (1.0, until)}, until=200.0, params=params)
+    assert not result.contacts
+    left = {robot.name: len(robot.goals) for robot in result.robots}
+    assert left == {"a": int(until > 200.0), "b": 0, "c": 0}
+
+
+def test_messages_that_take_longer_than_a_grant_lasts_are_refused() -> None:
+    rule = make_rule("reservation", ROAD, TrafficParams(silence=5.0))
+    with pytest.raises(InputError, match="make silence more than 7 s"):
+        TrafficControl(rule, Communication(delay_s=3.0))
 
 
 def test_an_old_report_does_not_count() -> None:
@@ -169,12 +207,76 @@ def test_reservations_end_without_contact_or_lock(suite: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suite", ["door", "ring"])
+@pytest.mark.parametrize("suite", ["corridor", "crossing", "door", "ring", "random"])
 def test_pibt_ends_without_contact_or_lock(suite: str) -> None:
     for seed in (0, 1):
         result = drive(CASES[suite](seed), "pibt", seed=seed, until=600.0)
         assert result.done, (seed, result.reasons)
         assert not result.contacts, seed
+
+
+@pytest.mark.parametrize("rule", ["reservation", "pibt"])
+@pytest.mark.parametrize(("suite", "seed"), [("corridor", 1), ("random", 2), ("crossing", 23)])
+def test_runs_that_locked_once_end(rule: str, suite: str, seed: int) -> None:
+    result = drive(CASES[suite](seed), rule, seed=seed, until=600.0)
+    assert result.done, result.reasons
+    assert not result.contacts
+
+
+def test_robots_that_want_to_the_same_node_are_there_one_after_another() -> None:
+    for rule in ("reservation", "pibt"):
+        case = Case(grid(3, 2), {"a": 0, "b": 2, "c": 3}, {"a": [1], "b": [1], "c": [1, 4, 1]})
+        result = drive(case, rule)
+        assert result.done, result.reasons
+        assert not result.contacts
+
+
+@pytest.mark.parametrize("rule", ["reservation", "pibt"])
+def test_robots_behind_each_other_in_a_dead_end_get_out(rule: str) -> None:
+    graph = build_graph(
+        {i: (2.0 * i, 0.0) for i in range(6)} | {9: (4.0, 2.0)},
+        [*((i, i + 1) for i in range(5)), (2, 9)],
+        both_ways=True,
+    )
+    case = Case(graph, {"a": 5, "b": 4, "c": 3}, {"a": [0, 5], "b": [5], "c": [4]})
+    result = drive(case, rule)
+    assert result.done, result.reasons
+    assert not result.contacts
+
+
+@pytest.mark.parametrize("rule", ["reservation", "pibt"])
+def test_one_way_rings_that_are_nearly_full_turn(rule: str) -> None:
+    n = 10
+    nodes = {i: (4.5 * math.cos(math.tau * i / n), 4.5 * math.sin(math.tau * i / n)) for i in range(n)}
+    graph = build_graph(nodes, [(i, (i + 1) % n) for i in range(n)])
+    case = Case(graph, {f"robot_{i}": i for i in range(9)}, {f"robot_{i}": [(i + 5) % n] for i in range(9)})
+    result = drive(case, rule)
+    assert result.done, result.reasons
+    assert not result.contacts
+
+
+@st.composite
+def fleets_on_graphs(draw: st.DrawFn) -> Case:
+    """A connected part of a grid, and robots with one to three goals on up to half of its nodes."""
+    case = CASES["random"](draw(st.integers(1000, 9999)))
+    ids = case.graph.node_ids.tolist()
+    starts = draw(st.permutations(ids))[: draw(st.integers(2, len(ids) // 2))]
+    goals = {f"robot_{i}": draw(st.lists(st.sampled_from(ids), min_size=1, max_size=3)) for i in range(len(starts))}
+    return Case(case.graph, {f"robot_{i}": start for i, start in enumerate(starts)}, goals)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["reservation", "pibt"])
+@settings(max_examples=6, deadline=None)
+@given(case=fleets_on_graphs())
+def test_on_any_graph_no_two_robots_hold_a_node_and_all_get_to_their_goals(rule: str, case: Case) -> None:
+    def alone(control: TrafficControl) -> None:
+        ends = [held[-1] for held in control.rule.held().values()]  # type: ignore[attr-defined]
+        assert len(set(ends)) == len(ends)
+
+    result = drive(case, rule, until=3000.0, watch=alone)
+    assert result.done, result.reasons
+    assert not result.contacts
 
 
 def test_lanes_alone_let_robots_meet() -> None:
