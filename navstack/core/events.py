@@ -24,6 +24,7 @@ class Listener(Protocol):
     """A receiver of events: a record, a progress bar, a test.
 
     A listener with the attribute `hears_feedback = False` does not request the feedback events of every control cycle.
+    One with the attribute `kinds`, a set, needs only events of these kinds: what no listener needs is not composed.
     """
 
     def on_event(self, event: Event) -> None:

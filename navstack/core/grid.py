@@ -39,12 +39,9 @@ class Bounds(NamedTuple):
 
     def union(self, other: Bounds) -> Bounds:
         """Return the bounds grown to contain `other`."""
-        return Bounds(
-            min(self.min_x, other.min_x),
-            min(self.min_y, other.min_y),
-            max(self.max_x, other.max_x),
-            max(self.max_y, other.max_y),
-        )
+        left, low, right, high = self
+        min_x, min_y, max_x, max_y = other
+        return Bounds(min(left, min_x), min(low, min_y), max(right, max_x), max(high, max_y))
 
     def grown(self, margin: float) -> Bounds:
         """Return the bounds grown by `margin` (m) on each side."""
@@ -141,10 +138,11 @@ class GridGeometry:
 
     def window_of(self, bounds: Bounds) -> Window:
         """Return the window from the cell of the minimum to that of the maximum of `bounds` (m), clipped to the grid."""
-        if bounds.is_empty:
+        min_x, min_y, max_x, max_y = bounds
+        if min_x > max_x or min_y > max_y:
             return Window(0, 0, 0, 0)
-        x0, y0 = self._clipped(bounds.min_x, bounds.min_y)
-        x1, y1 = self._clipped(bounds.max_x, bounds.max_y)
+        x0, y0 = self._clipped(min_x, min_y)
+        x1, y1 = self._clipped(max_x, max_y)
         return Window(x0, y0, min(x1 + 1, self.nx), min(y1 + 1, self.ny))
 
     def _clipped(self, x: float, y: float) -> tuple[int, int]:

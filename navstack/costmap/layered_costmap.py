@@ -418,6 +418,8 @@ SIZE: Final = frozenset({"width", "height", "resolution", "origin_x", "origin_y"
 
 def changed(old: Any, new: Any) -> frozenset[str]:
     """Return the names of the parameters in which two models of one class differ."""
+    if old is new:
+        return frozenset()
     return frozenset(name for name in type(old).model_fields if getattr(old, name) != getattr(new, name))
 
 

@@ -232,10 +232,10 @@ class MemberRun(Run):
 
     def cycle(self) -> None:
         """Carry out the cycle that is due."""
-        began, standing = self._cycle_began, self._stands()
+        began = self._cycle_began
         self.end_cycle()
         self.cycles += 1
-        if standing and self._stands() and self.goals.under_way:
+        if self._stands() and self.goals.under_way:
             self.waiting_s += self.robot.time - began
 
     def _stands(self) -> bool:

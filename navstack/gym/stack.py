@@ -423,17 +423,19 @@ def with_parameters(configuration: Configuration, values: Mapping[str, Any]) -> 
     found = configuration
     others: list[str] = []
     planner = found.local_planner
+    own: dict[str, Any] = {}
     for name, value in values.items():
         space, _, key = name.rpartition("/")
         if space == planner.namespace and key in type(planner.params).model_fields:
-            planner = replace(planner, params=planner.params.model_copy(update={key: value}))
+            own[key] = value
             continue
         changed = _with_layer_value(found, space, key, value)
         if changed is None:
             others.append(f"{name}={value}")
         else:
             found = changed
-    found = replace(found, local_planner=planner)
+    if own:
+        found = replace(found, local_planner=replace(planner, params=planner.params.model_copy(update=own)))
     if not others:
         return found
     loaded = load_configuration(

@@ -9,7 +9,7 @@ from navstack.core import NavError, Window
 from navstack.move_base.events import EventPublisher, TickResult
 from navstack.move_base.plugin_calls import call, checked_problems, checked_window
 from navstack.move_base.schedule import EPSILON_S, NEAR_S, Schedule
-from navstack.plugins import CostmapServer, Robot
+from navstack.plugins import CostmapServer, Robot, plugin_error
 
 DEFAULT_UPDATE_FREQUENCY: Final = 5.0
 """Hz; the default of costmap_2d, for costmap servers without the parameter update_frequency."""
@@ -94,12 +94,16 @@ class CostmapUpdater:
         except NavError as exc:
             self._events.warn(now, f"no scans from the robot: {exc.message}", exc)
             return
+        costmaps = self._local_costmap, self._global_costmap
         for data in scans:
-            for costmap in (self._local_costmap, self._global_costmap):
+            for costmap in costmaps:
                 try:
-                    call(costmap, costmap.observe, data)
-                except NavError as exc:
-                    self._events.warn(now, f"{costmap.name} cannot use a message of {data.topic}: {exc.message}", exc)
+                    costmap.observe(data)
+                except Exception as exc:
+                    error = exc if isinstance(exc, NavError) else plugin_error(costmap, exc)
+                    self._events.warn(
+                        now, f"{costmap.name} cannot use a message of {data.topic}: {error.message}", error
+                    )
 
     def update(self, tick: TickResult) -> None:
         """Update the costmaps that are due."""

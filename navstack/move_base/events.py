@@ -37,6 +37,14 @@ class EventPublisher:
     def __init__(self, listeners: Sequence[Listener] = ()) -> None:
         self.listeners: list[Listener] = list(listeners)
 
+    def hears(self, kind: str) -> bool:
+        """Return True if a listener needs the events of this kind."""
+        for listener in self.listeners:
+            kinds = getattr(listener, "kinds", None)
+            if kinds is None or kind in kinds:
+                return True
+        return False
+
     def publish(self, now: float, kind: str, text: str, data: dict[str, Any]) -> None:
         """Pass an event to every listener."""
         event = Event(now, kind, text, data)
@@ -45,7 +53,7 @@ class EventPublisher:
 
     def info(self, now: float, text: str, **data: Any) -> None:
         """Publish a message."""
-        if self.listeners:
+        if self.hears("info"):
             self.publish(now, "info", text, data)
 
     def warn(self, now: float, text: str, error: NavError | None = None) -> None:
@@ -55,7 +63,7 @@ class EventPublisher:
 
     def failure(self, now: float, kind: str, error: NavError) -> None:
         """Publish a failure: `plan_failed` or `control_failed`."""
-        if self.listeners:
+        if self.hears(kind):
             self.publish(now, kind, error.message, error.as_dict())
 
     def feedback(self, now: float, pose: Pose2D) -> None:
@@ -67,7 +75,7 @@ class EventPublisher:
 
     def plan(self, now: float, plan: Plan) -> None:
         """Publish the key figures of a plan."""
-        if not self.listeners:
+        if not self.hears("plan"):
             return
         length = plan.path.length
         data: dict[str, Any] = {

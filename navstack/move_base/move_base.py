@@ -310,7 +310,7 @@ class MoveBase:
             state = NavState()
             row = Transition(before.mode, event, Mode.IDLE, states.ILLEGAL_ACTIONS, Outcome.BAD_STATE)
         self._state = state
-        if state.mode is not before.mode and self.listeners:
+        if state.mode is not before.mode and self._events.hears("state"):
             self._events.publish(now, "state", *before.change(state, event))
         for action in row.actions:
             self._actions[action](now)

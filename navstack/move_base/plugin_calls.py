@@ -264,7 +264,13 @@ def checked_braking(plan: Any) -> LocalPlan | None:
 
 def checked_inflation(inflation: Any) -> Inflation | None:
     """Return what a layer writes around obstacles; None for a layer that does not inflate."""
-    if inflation is None or (isinstance(inflation, Inflation) and all(map(_is_number, inflation))):
+    if inflation is None or (
+        isinstance(inflation, Inflation)
+        and (
+            type(inflation[0]) is type(inflation[1]) is type(inflation[2]) is float  # nearly always
+            or all(map(_is_number, inflation))
+        )
+    ):
         return inflation
     raise WrongResultError(f"has an inflation {shown(inflation)}, not an Inflation of three numbers or None")
 

@@ -23,6 +23,9 @@ class PluginSection(ParamModel):
     plugin: str = param("", "type of the plugin whose parameters these are")
 
 
+_NO_PATH = np.empty((0, 3))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Approach:
     """What a goal checker knows. All poses are in one frame."""
@@ -31,7 +34,7 @@ class Approach:
     goal: Pose2D
     velocity: Twist2D = Twist2D()
     """Measured, in the robot's frame."""
-    path: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    path: NDArray[np.float64] = field(default_factory=lambda: _NO_PATH)
     """(n, 3) the local path, which ends at the goal if the goal is near."""
     remaining_m: float = 0.0
     """Length of the path that is left, beyond the local path, too."""

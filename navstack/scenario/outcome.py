@@ -46,6 +46,7 @@ class WarningCollector:
     """Listens for the warnings that an error caused. Repetitions by the same sensor share an entry with the first text."""
 
     hears_feedback = False
+    kinds = frozenset({"warning"})
 
     def __init__(self) -> None:
         self._found: dict[tuple[object, ...], RunWarning] = {}
@@ -53,7 +54,7 @@ class WarningCollector:
     def on_event(self, event: Event) -> None:
         """Keep a warning."""
         data = event.data
-        if event.kind != "warning" or "code" not in data:
+        if event.kind not in self.kinds or "code" not in data:
             return
         costmap = event.text.partition(":")[0]
         key = (costmap, data["topic"], data.get("source")) if "topic" in data else (event.text,)

@@ -212,9 +212,9 @@ def first_lethal_cell(
         dx, dy = x1 - x0, y1 - y0
         steps, add = max(abs(dx), abs(dy)), min(abs(dx), abs(dy))
         step_x, step_y = (1 if dx >= 0 else -1), (1 if dy >= 0 else -1)
+        along_x = abs(dx) >= abs(dy)
         for m in range(steps + 1):
             side = (steps // 2 + m * add) // max(steps, 1)
-            along_x = abs(dx) >= abs(dy)
             ix = x0 + (m if along_x else side) * step_x
             iy = y0 + (side if along_x else m) * step_y
             if 0 <= ix < g.nx and 0 <= iy < g.ny and costmap.data[iy, ix] >= 254:
