@@ -16,20 +16,17 @@ from navstack.cli.output import (
     print_files,
     print_json,
     print_note,
-    print_warnings,
     reason_of,
     shows_progress,
     stderr,
     stdout,
     titled_table,
 )
-from navstack.core import InputError, ensure_directory, is_file, locked_folder, write_json
-from navstack.fleet import is_fleet_file, read_fleet, run_fleet, shipped_fleets, warm_up_fleet
-from navstack.map_io import map_names
+from navstack.core import ensure_directory, locked_folder, write_json
+from navstack.fleet import run_fleet, warm_up_fleet
 from navstack.plot import plot_fleet, plot_run
 
 if TYPE_CHECKING:
-    from navstack.cli.scenario_options import ScenarioOptions
     from navstack.fleet import Fleet, FleetResult
 
 _SHOWN: Final = 12
@@ -37,30 +34,8 @@ _SHOWN: Final = 12
 _IN_TABLE: Final = ("goals", "max_collisions")
 
 
-def fleet_file(name: str) -> Path | None:
-    """Return the path of a fleet file, or of the packaged fleet of that name; None if the name is neither."""
-    path = Path(name)
-    if is_fleet_file(path):
-        return path
-    return None if is_file(path) or name in map_names() else shipped_fleets().get(name)
-
-
-def simulate_fleet(chosen: ScenarioOptions, file: Path, folder: Path, *, scans: bool, json_: bool) -> int:
+def simulate_fleet(fleet: Fleet, folder: Path, *, scans: bool, json_: bool) -> int:
     """Run a fleet, write the records of its robots, pictures and a summary, and print it. Return the exit code."""
-    for given, option in ((chosen.start, "--start"), (chosen.goal, "--goal"), (chosen.obstacle, "--obstacle")):
-        if given:
-            raise InputError(f"{option} is for one robot; write it into the fleet file {file}", argument=option)
-    spec = read_fleet(file)
-    fleet = spec.build(
-        params=chosen.params or None,
-        overrides=chosen.set_,
-        distro=chosen.distro,
-        allow_missing=chosen.allow_missing,
-        seed=chosen.seed,
-        time_limit_s=chosen.time_limit,
-    )
-    for configuration in {id(r.scenario.configuration): r.scenario.configuration for r in fleet.robots}.values():
-        print_warnings(configuration, chosen.params or [str(file)], chosen.set_, distro=chosen.distro, simulated=True)
     with locked_folder(ensure_directory(folder)), interrupt_flag() as interrupt:
         result = _run(fleet, interrupt, folder, quiet=json_, scans=scans)
         files = _write(result, folder)

@@ -14,12 +14,11 @@ import typer
 
 from navstack.cli import options
 from navstack.cli.arguments import map_of, scenario_file
-from navstack.cli.fleet import fleet_file
 from navstack.cli.output import loading_kernels, print_note, stdout
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import InputError, require
 from navstack.explain import replay
-from navstack.fleet import is_of_fleet, read_fleet, shipped_fleets, warm_up_fleet
+from navstack.fleet import Fleet, is_of_fleet, shipped_fleets, warm_up_fleet
 from navstack.live import (
     COMPILING,
     MAX_SPEED,
@@ -139,9 +138,9 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> _Preparation:
                 return Stage([_recorded(record, scenario, speed)], Options(live.save_to, fixed=True, labels=("",)))
 
         return _Preparation(recorded, scenario.configuration, float(record.times[-1]))
-    fleet = fleet_file(chosen.map_)
+    fleet = chosen.fleet()
     if fleet is not None:
-        return _fleet(chosen, fleet, live)
+        return _fleet(fleet, live)
     opened = [_open(chosen)]
     if live.versus:
         opened.append(_open(chosen._replace(params=live.versus)))
@@ -160,13 +159,9 @@ def _preparation(chosen: ScenarioOptions, live: LiveOptions) -> _Preparation:
     return _Preparation(prepare, opened[0][0].configuration)
 
 
-def _fleet(chosen: ScenarioOptions, file: Path, live: LiveOptions) -> _Preparation:
-    """Reads a fleet."""
+def _fleet(fleet: Fleet, live: LiveOptions) -> _Preparation:
     if live.versus or live.graph is not None:
         raise InputError("--versus and --graph are for one robot; leave them out with a fleet")
-    fleet = read_fleet(file).build(
-        params=chosen.params or None, overrides=chosen.set_, distro=chosen.distro, seed=chosen.seed
-    )
     speed = _speed(live.speed)
 
     def prepare(report: Report) -> Stage:

@@ -16,7 +16,6 @@ from navstack.ros1 import (
     AmclNode,
     FakeLocalization,
     MappingNode,
-    SimNode,
     check_thresholds,
     load_amcl,
     load_image,
@@ -25,6 +24,8 @@ from navstack.ros1 import (
     read_mapping_params,
     receive_map,
     serve_map,
+    simulate,
+    simulate_fleet,
 )
 from navstack.ros_node import RecordFolder
 
@@ -74,18 +75,21 @@ def sim(
 ) -> int:
     """Run the simulated robot as a node: scan, odom, tf, imu, map, bumpers and the true pose; it follows cmd_vel.
 
-    With `--clock`, /use_sim_time is set. The robot stops without a command for 0.5 s; `initialpose` puts it somewhere else. Exit
-    codes: 0 shut down, 2 invalid input.
+    With `--clock`, /use_sim_time is set. The robot stops without a command for 0.5 s; `initialpose` puts it somewhere else. A
+    fleet file gives many robots in one world: the topics and services of each are those below its name, `/robot_1/scan`, and its
+    name is the prefix of its frames, `robot_1/odom`; goals, routes and traffic of the file are left to other nodes. Exit codes: 0
+    shut down, 2 invalid input.
     """
     running.check()
-    scenario = chosen.build(goals_needed=False)
-    if not running.clock:
-        start_node(name, context)
-        SimNode(scenario, speed=1.0, clock=False).spin()
-        return 0
-    set_param("/use_sim_time", True)
-    start_node(name, context, own_time=True)
-    SimNode(scenario, speed=running.speed, clock=True).spin()
+    fleet = chosen.fleet()
+    scenario = chosen.build(goals_needed=False) if fleet is None else None
+    if running.clock:
+        set_param("/use_sim_time", True)
+    start_node(name, context, own_time=running.clock)
+    if fleet is not None:
+        simulate_fleet(fleet.world(), fleet.scenarios, speed=running.speed, clock=running.clock)
+    elif scenario is not None:
+        simulate(scenario, speed=running.speed, clock=running.clock)
     return 0
 
 

@@ -14,7 +14,7 @@ from navstack.cli.output import print_warnings, stdout
 from navstack.cli.scenario_options import ScenarioOptions, SimNodeOptions
 from navstack.core import InputError, resolved
 from navstack.parameters import load_configuration
-from navstack.ros2 import Navigator, RosNode, SimNode, advise, load, managed_node
+from navstack.ros2 import Navigator, RosNode, advise, load, managed_node, simulate, simulate_fleet
 from navstack.ros_node import RecordFolder
 
 app = typer.Typer(
@@ -112,14 +112,20 @@ def sim(
 ) -> int:
     """Run the simulated robot as a node: scan, odom, tf, imu, battery, map server and amcl; it follows cmd_vel.
 
-    The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. Exit codes: 0 shut down, 2 invalid input.
+    The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. A fleet file gives many robots in one
+    world: the topics and services of each are those below its name, `/robot_1/scan`, `/robot_1/tf`; goals, routes and traffic of
+    the file are left to other nodes. Exit codes: 0 shut down, 2 invalid input.
     """
     running.check()
     arguments = arguments_of(context)
-    scenario = chosen.build(goals_needed=False)
+    fleet = chosen.fleet()
+    scenario = chosen.build(goals_needed=False) if fleet is None else None
     node = RosNode(name, arguments)
     node.start()
-    SimNode(scenario, node, speed=running.speed, clock=running.clock).spin()
+    if fleet is not None:
+        simulate_fleet(fleet.world(), fleet.scenarios, node, speed=running.speed, clock=running.clock)
+    elif scenario is not None:
+        simulate(scenario, node, speed=running.speed, clock=running.clock)
     return 0
 
 

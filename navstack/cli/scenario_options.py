@@ -10,17 +10,26 @@ import typer
 from navstack.cli import options
 from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_place, scenario_file
 from navstack.cli.output import print_warnings
-from navstack.core import InputError
-from navstack.fleet import shipped_fleets
+from navstack.core import InputError, is_file
+from navstack.fleet import is_fleet_file, shipped_fleets
 from navstack.map_io import map_names
 from navstack.parameters import load_configuration, short_name
 from navstack.scenario import Scenario, load_places, read_scenario, shipped_scenarios
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
+    from navstack.fleet import Fleet
 
 TIME_LIMIT_S = 600.0
 """Default time limit of a goal on a map without a scenario (simulated s)."""
+
+
+def fleet_file(name: str) -> Path | None:
+    """Return the path of a fleet file, or of the packaged fleet of that name; None if the name is neither."""
+    path = Path(name)
+    if is_fleet_file(path):
+        return path
+    return None if is_file(path) or name in map_names() else shipped_fleets().get(name)
 
 
 class ScenarioOptions(NamedTuple):
@@ -73,6 +82,31 @@ class ScenarioOptions(NamedTuple):
         if file is not None:
             return self._from_file(file, start, goals)
         return self._from_map(start, goals, goals_needed)
+
+    def fleet(self) -> Fleet | None:
+        """Build the fleet of a fleet file or of a packaged fleet, with the warnings of its parameters; None for anything else.
+
+        Raises InputError for options that are for one robot, MapError, ParameterError or ScenarioError.
+        """
+        file = fleet_file(self.map_)
+        if file is None:
+            return None
+        for given, option in ((self.start, "--start"), (self.goal, "--goal"), (self.obstacle, "--obstacle")):
+            if given:
+                raise InputError(f"{option} is for one robot; write it into the fleet file {file}", argument=option)
+        from navstack.fleet import read_fleet
+
+        fleet = read_fleet(file).build(
+            params=self.params or None,
+            overrides=self.set_,
+            distro=self.distro,
+            allow_missing=self.allow_missing,
+            seed=self.seed,
+            time_limit_s=self.time_limit,
+        )
+        for configuration in {id(r.scenario.configuration): r.scenario.configuration for r in fleet.robots}.values():
+            print_warnings(configuration, self.params or [str(file)], self.set_, distro=self.distro, simulated=True)
+        return fleet
 
     def _from_file(self, file: Path, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
         obstacles, shapes = parse_obstacles(self.obstacle)

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from navstack.cli import options
-from navstack.cli.fleet import fleet_file, simulate_fleet
+from navstack.cli.fleet import simulate_fleet
 from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.last_run import save_record
 from navstack.cli.output import (
@@ -63,9 +63,9 @@ def simulate(
     Exit codes: 0 the run met its success conditions (by default: every goal SUCCEEDED, no collision), 1 it did not,
     2 invalid input, 130 interrupted (143 by SIGTERM, 129 by SIGHUP): the record ends there.
     """
-    fleet = fleet_file(chosen.map_)
+    fleet = chosen.fleet()
     if fleet is not None:
-        return simulate_fleet(chosen, fleet, out, scans=scans, json_=json_)
+        return simulate_fleet(fleet, out, scans=scans, json_=json_)
     scenario = chosen.build()
     with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
         return _simulate(scenario, out, interrupt, timings=timings, scans=scans, json_=json_)

@@ -108,6 +108,11 @@ class Fleet:
         """The robots by name, the order in which they are simulated."""
         return tuple(sorted(self.robots, key=lambda robot: robot.name))
 
+    @property
+    def scenarios(self) -> dict[str, Scenario]:
+        """The scenarios of the robots, by name and in its order."""
+        return {robot.name: robot.scenario for robot in self.sorted_robots}
+
     def world(self) -> World:
         """Return the world: map and obstacles of the first robot by name, and the docks of all."""
         robots = self.sorted_robots

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from navstack.ros1.mapping_node import MappingNode as MappingNode
     from navstack.ros1.mapping_node import read_mapping_params as read_mapping_params
     from navstack.ros1.packages import install as install
-    from navstack.ros1.sim_node import SimNode as SimNode
+    from navstack.ros1.sim_node import simulate as simulate
+    from navstack.ros1.sim_node import simulate_fleet as simulate_fleet
     from navstack.ros1.tour import Tour as Tour
     from navstack.ros1.trajectories import TrajectoryPublisher as TrajectoryPublisher
 else:

@@ -22,13 +22,14 @@ from navstack.ros_node import Inbox, NodeClock, NodeLog, RosRobot
 class PoseTopics:
     """Publishes the pose of the base in the map and the particles behind it, as amcl and fake_localization do."""
 
-    def __init__(self, build: MessageBuilder, frame: str) -> None:
+    def __init__(self, build: MessageBuilder, frame: str, *, below: str = "") -> None:
+        """`below`: what comes before the names, `robot_1/`."""
         rospy = ros.rospy()
         self._build, self._frame = build, frame
         self._pose_type = ros.message("geometry_msgs/PoseWithCovarianceStamped")
         self._cloud_type = ros.message("geometry_msgs/PoseArray")
-        self._pose = rospy.Publisher("amcl_pose", self._pose_type, queue_size=2, latch=True)
-        self._cloud = rospy.Publisher("particlecloud", self._cloud_type, queue_size=2, latch=True)
+        self._pose = rospy.Publisher(f"{below}amcl_pose", self._pose_type, queue_size=2, latch=True)
+        self._cloud = rospy.Publisher(f"{below}particlecloud", self._cloud_type, queue_size=2, latch=True)
 
     def publish_pose(self, stamp_ns: int, pose: Pose2D, covariance: NDArray[np.float64] | None = None) -> None:
         """Publish the pose with its (3, 3) covariance of x, y, yaw; zeros without one."""

@@ -23,15 +23,18 @@ from navstack.ros_messages import messages as msg
 class MapTopics:
     """`map` and `map_metadata`, latched, and the services `static_map` and `change_map`."""
 
-    def __init__(self, grid: OccupancyGrid, build: MessageBuilder) -> None:
+    def __init__(self, grid: OccupancyGrid, build: MessageBuilder, *, below: str = "") -> None:
+        """`below`: what comes before the names, `robot_1/`."""
         rospy = self._rospy = ros.rospy()
         self._build = build
         self._grid = grid
         self._message: Any = None
-        self._map = rospy.Publisher("map", ros.message("nav_msgs/OccupancyGrid"), queue_size=1, latch=True)
-        self._data = rospy.Publisher("map_metadata", ros.message("nav_msgs/MapMetaData"), queue_size=1, latch=True)
-        self._get = rospy.Service("static_map", ros.message("nav_msgs/srv/GetMap"), self._on_get)
-        self._load = rospy.Service("change_map", ros.message("nav_msgs/srv/LoadMap"), self._on_change)
+        self._map = rospy.Publisher(f"{below}map", ros.message("nav_msgs/OccupancyGrid"), queue_size=1, latch=True)
+        self._data = rospy.Publisher(
+            f"{below}map_metadata", ros.message("nav_msgs/MapMetaData"), queue_size=1, latch=True
+        )
+        self._get = rospy.Service(f"{below}static_map", ros.message("nav_msgs/srv/GetMap"), self._on_get)
+        self._load = rospy.Service(f"{below}change_map", ros.message("nav_msgs/srv/LoadMap"), self._on_change)
 
     def publish(self, stamp_ns: int) -> None:
         """Publish the map."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -15,20 +16,35 @@ from navstack.ros1.localization_node import PoseTopics
 from navstack.ros1.map_nodes import MapTopics
 from navstack.ros1.node import MasterWatch, wait_for_clock
 from navstack.ros_messages import MessageBuilder
-from navstack.ros_node import ALIASES, START_NS, ClockPace, Pace, SimLoop, SimNames, WallPace, with_imus
+from navstack.ros_node import (
+    ALIASES,
+    START_NS,
+    ClockPace,
+    Pace,
+    SharedWorld,
+    SimLoop,
+    SimNames,
+    WallPace,
+    run_fleet,
+    with_imus,
+)
 from navstack.scenario import Scenario
+from navstack.sim import World
 
 VELOCITY_TOPICS: Final = ("cmd_vel", "mobile_base/mobile_base_controller/cmd_vel")
 """Default of `~cmd_vel_topics`: ROS's usual name, and that of the HandsFree base."""
 IMUS: Final = ("imu",)
 """Default of `~imus`."""
+COMMON: Final = ("/clock", "/tf")
+"""Topics that the robots of a fleet share."""
 
 
-def sim_names(map_frame: str, odom_frame: str, base_frame: str) -> SimNames:
+def sim_names(map_frame: str, odom_frame: str, base_frame: str, robot: str = "") -> SimNames:
     """Return the frames of a simulated robot by its parameters.
 
     `tf_prefix` is searched from the node's namespace upwards; `~odom_frame_id`, `~base_frame_id`, `~global_frame_id` rename the
-    three main frames. Raises InputError for parameters of another type.
+    three main frames. The frames of a `robot` of several have its name as a further prefix. Raises InputError for parameters of
+    another type.
     """
     rospy = ros.rospy()
     found = rospy.search_param("tf_prefix")
@@ -38,25 +54,29 @@ def sim_names(map_frame: str, odom_frame: str, base_frame: str) -> SimNames:
     own = (map_frame, odom_frame, base_frame)
     roles = ("global", "odom", "base")
     published = [parameters.text(f"{role}_frame_id", frame) for role, frame in zip(roles, own, strict=True)]
+    prefix = "/".join(part for part in (prefix.strip("/"), robot) if part)
     return SimNames(own, published, prefix, parameters.texts("base_aliases", ALIASES))
 
 
 class SimNode(SimLoop):
-    """The node. `rospy.init_node` must have been called, with `/use_sim_time` false: this node makes the time."""
+    """The node, or the part of one robot of several."""
 
-    def __init__(self, scenario: Scenario, *, speed: float, clock: bool) -> None:
-        """`speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise ROS's time is kept, and `speed` is 1.
+    def __init__(
+        self, scenario: Scenario, *, pace: Pace, clock: bool, robot: str = "", shared: SharedWorld | None = None
+    ) -> None:
+        """`clock`: publish `/clock`. `shared`: what it has in common with the other robots of a fleet, `robot`: its name there.
 
-        If /use_sim_time is set and `clock` is not, the node waits for the clock of another one. With `~localization` false
-        another node localizes the robot: no map -> odom, amcl_pose and particlecloud, and `initialpose` does not move it.
-        Raises InputError for wrong parameters.
+        With `~localization` false another node localizes the robot: no map -> odom, amcl_pose and particlecloud, and
+        `initialpose` does not move it. The topics and services of a robot of a fleet are those below its name; `/tf` is that of
+        all. Raises InputError for wrong parameters.
         """
         rospy = self._rospy = ros.rospy()
         scenario = with_imus(scenario, parameters.texts("imus", scenario.configuration.navstack.sim.imus or list(IMUS)))
         build = MessageBuilder(ros.MessageTypes(), ros1=True)
         is_localized = parameters.flag("localization", True)
-        super().__init__(scenario, build, _pace(speed, clock), rospy, clock=clock, localization=is_localized)
-        self.names = sim_names(self.robot.map_frame, self.robot.odom_frame, self.robot.base_frame)
+        super().__init__(scenario, build, pace, rospy, clock=clock, localization=is_localized, shared=shared)
+        self.names = sim_names(self.robot.map_frame, self.robot.odom_frame, self.robot.base_frame, robot)
+        self._below = below = f"{robot}/" if robot else ""
         self._publishers: dict[str, Any] = {}
         for topic, kind in (
             *((("/clock", "rosgraph_msgs/Clock"),) if clock else ()),
@@ -65,30 +85,31 @@ class SimNode(SimLoop):
             ("base_pose_ground_truth", "nav_msgs/Odometry"),
         ):
             self._publisher(topic, kind)
-        self._static = rospy.Publisher("/tf_static", ros.message("tf2_msgs/TFMessage"), queue_size=1, latch=True)
         sim = scenario.configuration.navstack.sim
         self._cameras = [
             CameraTopics(name, sim.camera(name), self.build, self._publisher, self.names.frame) for name in sim.cameras
         ]
-        self._map = MapTopics(dataclasses.replace(scenario.map, frame=self.names.map), self.build)
-        self._poses = PoseTopics(self.build, self.names.map) if is_localized else None
+        self._map = MapTopics(dataclasses.replace(scenario.map, frame=self.names.map), self.build, below=below)
+        self._poses = PoseTopics(self.build, self.names.map, below=below) if is_localized else None
         twist, pose = ros.message("geometry_msgs/Twist"), ros.message("geometry_msgs/PoseWithCovarianceStamped")
         receive = self.inbox.poster
         for topic in parameters.texts("cmd_vel_topics", VELOCITY_TOPICS):
-            rospy.Subscriber(topic, twist, receive(self.receive_command), queue_size=1, tcp_nodelay=True)
+            rospy.Subscriber(self._named(topic), twist, receive(self.receive_command), queue_size=1, tcp_nodelay=True)
         if is_localized:
-            rospy.Subscriber("initialpose", pose, receive(self.receive_pose), queue_size=1)
+            rospy.Subscriber(f"{below}initialpose", pose, receive(self.receive_pose), queue_size=1)
         empty = ros.message("std_srvs/srv/Empty")
-        self._reset = rospy.Service("reset_positions", empty, self.inbox.caller(self._on_reset))
-        self._static.publish(self.static_transforms())
+        self._reset = rospy.Service(f"{below}reset_positions", empty, self.inbox.caller(self._on_reset))
         if clock:
             self.publish_clock(0.0)
         self._map.publish(self.ns(0.0))
 
+    def _named(self, topic: str) -> str:
+        return self._below + topic.lstrip("/") if self._below and topic not in COMMON else topic
+
     def _publisher(self, name: str, kind: str, queue: int = 50) -> Any:
         found = self._publishers.get(name)
         if found is None:
-            found = self._rospy.Publisher(name, ros.message(kind), queue_size=queue, tcp_nodelay=True)
+            found = self._rospy.Publisher(self._named(name), ros.message(kind), queue_size=queue, tcp_nodelay=True)
             self._publishers[name] = found
         return found
 
@@ -121,15 +142,43 @@ class SimNode(SimLoop):
         """Return True if the node must end."""
         return ros.is_stopping()
 
-    def spin(self) -> None:
-        """Simulate until the node is shut down."""
-        MasterWatch(self._on_new_master)
-        self.run()
-        ros.shut_down(lambda: None)
 
-    def _on_new_master(self) -> None:
-        if "/clock" in self._publishers:
-            self._rospy.set_param("/use_sim_time", True)
+def simulate(scenario: Scenario, *, speed: float, clock: bool) -> None:
+    """Simulate a robot until the node is shut down. Raises InputError for wrong parameters.
+
+    `speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise ROS's time is kept, and `speed` is 1. If
+    /use_sim_time is set and `clock` is not, the node waits for the clock of another one. `rospy.init_node` must have been called,
+    with `clock` while /use_sim_time was false: this node makes the time.
+    """
+    made = SimNode(scenario, pace=_pace(speed, clock), clock=clock)
+    _spin([made], made.run, clock=clock)
+
+
+def simulate_fleet(world: World, robots: Mapping[str, Scenario], *, speed: float, clock: bool) -> None:
+    """As `simulate`, for robots by name in one world: each below its name, and its frames with its name as their prefix."""
+    shared, pace = SharedWorld(world, robots), _pace(speed, clock)
+    made: dict[str, SimNode] = {}
+    for name, scenario in robots.items():
+        made[name] = SimNode(scenario, pace=pace, clock=clock and not made, robot=name, shared=shared)
+    _spin(list(made.values()), lambda: run_fleet(made), clock=clock)
+
+
+def _spin(nodes: Sequence[SimNode], run: Callable[[], None], *, clock: bool) -> None:
+    rospy = ros.rospy()
+    # one message for all robots: a topic keeps the last one of a node only
+    static = nodes[0].static_transforms()
+    for node in nodes[1:]:
+        static.transforms += node.static_transforms().transforms
+    out = rospy.Publisher("/tf_static", ros.message("tf2_msgs/TFMessage"), queue_size=1, latch=True)
+    out.publish(static)
+
+    def on_new_master() -> None:
+        if clock:
+            rospy.set_param("/use_sim_time", True)
+
+    MasterWatch(on_new_master)
+    run()
+    ros.shut_down(lambda: None)
 
 
 def _pace(speed: float, clock: bool) -> Pace:

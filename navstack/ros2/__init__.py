@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from navstack.ros2.packages import install as install
     from navstack.ros2.parameters import load as load
     from navstack.ros2.ros import RosNode as RosNode
-    from navstack.ros2.sim_node import SimNode as SimNode
+    from navstack.ros2.sim_node import simulate as simulate
+    from navstack.ros2.sim_node import simulate_fleet as simulate_fleet
 else:
     from navstack._lazy import lazy_face
 

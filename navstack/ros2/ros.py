@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import copy
 import importlib
 import os
 import signal
@@ -230,6 +231,7 @@ class RosNode:
         self._executor.add_node(self.handle)
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
         self._kept: list[Any] = []
+        self._below = ""
 
     def start(self) -> None:
         """Receive messages from now on, and end at SIGINT and SIGTERM."""
@@ -312,12 +314,24 @@ class RosNode:
 
     # --- topics and services ------------------------------------------------------------------------------------------
 
+    def below(self, name: str) -> RosNode:
+        """Return this node for one robot of several: its topics and services are those below `name`, all but `/clock`.
+
+        `/tf` and `/tf_static`, too, become `name/tf` and `name/tf_static`, to which the launch files of Nav2 remap them.
+        """
+        part = copy.copy(self)
+        part._below = f"{self._below}{name}/"
+        return part
+
+    def _named(self, name: str) -> str:
+        return name if not self._below or name == "/clock" else self._below + name.lstrip("/")
+
     def publisher(
         self, topic: str, kind: str, *, depth: int = 1, latched: bool = False, reliable: bool = True
     ) -> Publisher:
         """Create a publisher; with `latched` late subscribers get the last messages (transient local)."""
         cls, profile = message(kind), qos(depth, latched=latched, reliable=reliable)
-        return Publisher(self.create(lambda: self.handle.create_publisher(cls, topic, profile)))
+        return Publisher(self.create(lambda: self.handle.create_publisher(cls, self._named(topic), profile)))
 
     def subscribe(
         self,
@@ -331,7 +345,9 @@ class RosNode:
     ) -> None:
         """Call `receive` with each message, in the thread of rclpy: a poster of the inbox."""
         cls, profile = message(kind), qos(depth, latched=latched, reliable=reliable)
-        self._kept.append(self.create(lambda: self.handle.create_subscription(cls, topic, receive, profile)))
+        self._kept.append(
+            self.create(lambda: self.handle.create_subscription(cls, self._named(topic), receive, profile))
+        )
 
     def serve(self, name: str, kind: str, inbox: Inbox, handle: Callable[[Any, Any], None]) -> None:
         """Offer a service: `handle(request, response)` fills the response, in the thread of the node."""
@@ -346,11 +362,11 @@ class RosNode:
             return response
 
         cls = message(kind)
-        self._kept.append(self.create(lambda: self.handle.create_service(cls, name, answer)))
+        self._kept.append(self.create(lambda: self.handle.create_service(cls, self._named(name), answer)))
 
     def resolved(self, topic: str) -> str:
         """Return the full name of a topic, after namespace and remappings."""
-        return str(self.handle.resolve_topic_name(topic))
+        return str(self.handle.resolve_topic_name(self._named(topic)))
 
 
 def _executor() -> Any:

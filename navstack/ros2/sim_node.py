@@ -6,6 +6,7 @@ A Nav2 of its own drives it, as it drives loopback_simulator or a robot in Gazeb
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -16,8 +17,19 @@ from navstack.map_io import load_map
 from navstack.ros2 import ros
 from navstack.ros2.lifecycle import offer_state
 from navstack.ros2.ros import Publisher, RosNode
-from navstack.ros_node import START_NS, ClockPace, Pace, SimLoop, SimNames, WallPace, with_imus
+from navstack.ros_node import (
+    START_NS,
+    ClockPace,
+    Pace,
+    SharedWorld,
+    SimLoop,
+    SimNames,
+    WallPace,
+    run_fleet,
+    with_imus,
+)
 from navstack.scenario import Scenario
+from navstack.sim import World
 
 IMUS: Final = ("imu",)
 BATTERY_PERIOD_S: Final = 1.0
@@ -32,12 +44,13 @@ MAP_SUCCESS, MAP_INVALID_DATA = 0, 255
 class SimNode(SimLoop):
     """The node."""
 
-    def __init__(self, scenario: Scenario, node: RosNode, *, speed: float, clock: bool) -> None:
-        """`speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise ROS's time is kept, and `speed` is 1.
+    def __init__(
+        self, scenario: Scenario, node: RosNode, *, pace: Pace, clock: bool, shared: SharedWorld | None = None
+    ) -> None:
+        """`clock`: publish `/clock`; `shared`: what it has in common with the other robots of a fleet.
 
-        If use_sim_time is set and `clock` is not, the node waits for the clock of another one. Parameters: `frame_prefix` before
-        the robot's frames; `localization` (true) false: another node localizes the robot; `enable_stamped_cmd_vel`: TwistStamped,
-        by default as in Nav2 of the distribution. Raises InputError for wrong parameters.
+        Parameters: `frame_prefix` before the robot's frames; `localization` (true) false: another node localizes the robot;
+        `enable_stamped_cmd_vel`: TwistStamped, by default as in Nav2 of the distribution. Raises InputError for wrong ones.
         """
         self.node = node
         handle = node.handle
@@ -45,8 +58,8 @@ class SimNode(SimLoop):
         is_localized = ros.value_of(handle, "localization", True, "true or false")
         stamped = ros.value_of(handle, "enable_stamped_cmd_vel", ros.is_at_least("kilted"), "true or false")
         scenario = with_imus(scenario, scenario.configuration.navstack.sim.imus or list(IMUS))
-        pace = _pace(node, speed, clock)
-        super().__init__(scenario, node.build, pace, node.log, clock=clock, localization=is_localized)
+        fixed = (scenario, node.build, pace, node.log)
+        super().__init__(*fixed, clock=clock, localization=is_localized, shared=shared)
         own = (self.robot.map_frame, self.robot.odom_frame, self.robot.base_frame)
         self.names = SimNames(own, own, prefix)
         self._battery_due = 0.0
@@ -150,11 +163,28 @@ class SimNode(SimLoop):
         """Return True if the node must end."""
         return self.node.is_stopping()
 
-    def spin(self) -> None:
-        """Simulate until the node is shut down."""
-        self.node.log.loginfo("the simulated robot is ready")
-        self.run()
-        self.node.shut_down(_end)
+
+def simulate(scenario: Scenario, node: RosNode, *, speed: float, clock: bool) -> None:
+    """Simulate a robot until the node is shut down. Raises InputError for wrong parameters.
+
+    `speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise ROS's time is kept, and `speed` is 1. If
+    use_sim_time is set and `clock` is not, the node waits for the clock of another one.
+    """
+    made = SimNode(scenario, node, pace=_pace(node, speed, clock), clock=clock)
+    node.log.loginfo("the simulated robot is ready")
+    made.run()
+    node.shut_down(_end)
+
+
+def simulate_fleet(world: World, robots: Mapping[str, Scenario], node: RosNode, *, speed: float, clock: bool) -> None:
+    """As `simulate`, for robots by name in one world; the topics and services of each are those below its name."""
+    shared, pace = SharedWorld(world, robots), _pace(node, speed, clock)
+    made: dict[str, SimNode] = {}
+    for name, scenario in robots.items():
+        made[name] = SimNode(scenario, node.below(name), pace=pace, clock=clock and not made, shared=shared)
+    node.log.loginfo("the simulated robots %s are ready", ", ".join(made))
+    run_fleet(made)
+    node.shut_down(_end)
 
 
 def _nothing(request: Any, response: Any) -> None:

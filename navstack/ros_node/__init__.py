@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     from navstack.ros_node.robot import RosRobot as RosRobot
     from navstack.ros_node.sim_loop import ALIASES as ALIASES
     from navstack.ros_node.sim_loop import START_NS as START_NS
+    from navstack.ros_node.sim_loop import SharedWorld as SharedWorld
     from navstack.ros_node.sim_loop import SimLoop as SimLoop
     from navstack.ros_node.sim_loop import SimNames as SimNames
+    from navstack.ros_node.sim_loop import run_fleet as run_fleet
     from navstack.ros_node.sim_loop import with_imus as with_imus
     from navstack.ros_node.stack_node import MOST_ODOMETRY as MOST_ODOMETRY
     from navstack.ros_node.stack_node import MOST_SENSOR_DATA as MOST_SENSOR_DATA

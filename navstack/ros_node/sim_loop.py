@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import gc
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.bringup import simulated_robot
-from navstack.core import LaserScan, NavError, PointCloud, Pose2D, Transform2D, Twist2D, clean_frame
+from navstack.core import InputError, LaserScan, NavError, PointCloud, Pose2D, Transform2D, Twist2D, clean_frame
 from navstack.parameters import load_configuration
 from navstack.ros_messages import MessageBuilder
 from navstack.ros_messages import messages as msg
@@ -20,6 +21,7 @@ from navstack.ros_node.inbox import Inbox
 from navstack.ros_node.log import Log
 from navstack.ros_node.pace import Pace
 from navstack.scenario import Scenario
+from navstack.sim import Lockstep, World
 
 STEP_S: Final = 0.02
 """Simulated time between two publications (s): odometry and tf at 50 Hz."""
@@ -86,18 +88,30 @@ class SimLoop(ABC):
     names: SimNames
 
     def __init__(
-        self, scenario: Scenario, build: MessageBuilder, pace: Pace, log: Log, *, clock: bool, localization: bool
+        self,
+        scenario: Scenario,
+        build: MessageBuilder,
+        pace: Pace,
+        log: Log,
+        *,
+        clock: bool,
+        localization: bool,
+        shared: SharedWorld | None = None,
     ) -> None:
-        """With `clock`, `/clock` is published; without `localization` another node publishes map -> odom and the pose."""
+        """With `clock`, `/clock` is published; without `localization` another node publishes map -> odom and the pose.
+
+        `shared`: what it has in common with the other robots of a fleet.
+        """
         self.scenario = scenario
-        self.robot = simulated_robot(scenario.configuration, scenario.world(), scenario.start, seed=scenario.seed)
+        world = scenario.world() if shared is None else shared.world
+        self.robot = simulated_robot(scenario.configuration, world, scenario.start, seed=scenario.seed)
         # what exists now lives as long as the node: a search for garbage in it would stop the clock
         gc.collect()
         gc.freeze()
-        self.inbox = Inbox()
+        self.inbox = Inbox() if shared is None else shared.inbox
         self.build = build
         self._pace, self._log = pace, log
-        self._has_clock, self._is_localized = clock, localization
+        self.has_clock, self._is_localized = clock, localization
         self._command_at = -1e9
         self._pose_due = 0.0
 
@@ -147,18 +161,9 @@ class SimLoop(ABC):
 
     def run(self) -> None:
         """Simulate until the node must end."""
-        half = 0.5 * STEP_S
-        reached = 0.0
-        while not self.is_stopping():
-            if self._has_clock:
-                # two steps of the clock for one of the robot: a cycle of 20 Hz has the same period each time
-                self._wait_until(reached + half)
-                self.publish_clock(max(reached + half, self.robot.time))
-            reached += STEP_S
-            self._wait_until(reached)
-            self._step(reached)
+        run_together([self], lambda until: [self.robot.advance_to(until)])
 
-    def _wait_until(self, reached: float) -> None:
+    def wait_until(self, reached: float) -> None:
         """Receive messages until a simulated time (s) is due."""
         while True:
             ahead = self._pace.wait_s(reached)
@@ -166,14 +171,15 @@ class SimLoop(ABC):
             if ahead <= 0.0 or self.is_stopping():
                 return
 
-    def _step(self, until: float) -> None:
+    def stop_without_command(self) -> None:
+        """Stop the robot if it has had no command for `CMD_VEL_TIMEOUT_S`."""
+        if self.robot.time - self._command_at > CMD_VEL_TIMEOUT_S:
+            self.robot.command(Twist2D())
+
+    def publish_steps(self, samples: NDArray[np.float64]) -> None:
+        """Publish what the last physics steps, with these samples (n, 9), have given."""
         robot = self.robot
-        if robot.time - self._command_at > CMD_VEL_TIMEOUT_S:
-            robot.command(Twist2D())
-        first = round(robot.time * self.scenario.configuration.navstack.sim.physics_frequency)
-        samples = robot.advance_to(until)
-        if self._has_clock:
-            self.publish_clock(robot.time)
+        first = round(robot.time * self.scenario.configuration.navstack.sim.physics_frequency) - len(samples)
         # a scan after the transforms that it needs, before what can wait
         self._publish_transforms(samples, first)
         self._publish_scans()
@@ -259,3 +265,59 @@ class SimLoop(ABC):
         taken = {transform.child_frame_id for transform in message.transforms} | {names.map, names.odom, names.base}
         self.extend_static(message, stamp, taken)
         return message
+
+
+# --- several robots ---------------------------------------------------------------------------------------------------
+
+ROS_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+class SharedWorld:
+    """What the simulated robots of a fleet have in common in one node."""
+
+    def __init__(self, world: World, names: Iterable[str]) -> None:
+        """`names` of the robots, which become those of topics. Raises InputError for one that ROS does not allow."""
+        self.world, self.inbox = world, Inbox()
+        for name in names:
+            if not ROS_NAME.fullmatch(name):
+                raise InputError(
+                    f'the robot "{name}" cannot give its name to topics of ROS; use letters, digits and "_", a letter first',
+                    name=name,
+                )
+
+
+def run_fleet(loops: Mapping[str, SimLoop]) -> None:
+    """Simulate robots with one `SharedWorld`, by name, until the node must end; the first one keeps time. Raises InputError."""
+    lockstep = Lockstep({name: loop.robot for name, loop in loops.items()})
+
+    def advance(until: float) -> Sequence[NDArray[np.float64]]:
+        samples = [np.empty((len(loops), 0, 9))]
+        for step in range(lockstep.step + 1, lockstep.step_at(until) + 1):
+            lockstep.advance_to(step)
+            samples.append(lockstep.newest[:, None])
+        lockstep.catch_up()
+        return list(np.concatenate(samples, axis=1))
+
+    run_together(list(loops.values()), advance)
+
+
+def run_together(loops: Sequence[SimLoop], advance: Callable[[float], Sequence[NDArray[np.float64]]]) -> None:
+    """Simulate until the node must end; the first one keeps time, publishes the clock if it has one, and receives for all.
+
+    `advance` runs all robots up to a simulated time (s), and returns the samples (n, 9) of each.
+    """
+    first, half, reached = loops[0], 0.5 * STEP_S, 0.0
+    while not first.is_stopping():
+        if first.has_clock:
+            # two steps of the clock for one of the robot: a cycle of 20 Hz has the same period each time
+            first.wait_until(reached + half)
+            first.publish_clock(max(reached + half, first.robot.time))
+        reached += STEP_S
+        first.wait_until(reached)
+        for loop in loops:
+            loop.stop_without_command()
+        samples = advance(reached)
+        if first.has_clock:
+            first.publish_clock(first.robot.time)
+        for loop, rows in zip(loops, samples, strict=True):
+            loop.publish_steps(rows)

@@ -161,6 +161,11 @@ class Lockstep:
                 self.robots[i].take_steps(samples, int(self._hits[i]), lambda step, i=i: self.solids_of(i, step))
                 self._hits[i], self._taken[i] = 0, self.step
 
+    @property
+    def newest(self) -> NDArray[np.float64]:
+        """(n, 9) samples of the robots after the last physics step, as `SimulatedRobot.advance_to` returns them."""
+        return self._history[:, self.step - self._base - 1, :9].copy()
+
     # --- what a robot sees --------------------------------------------------------------------------------------------
 
     def poses_at(self, step: int) -> NDArray[np.float64]:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.ros1.conftest import paced
 from tests.ros2.conftest import FASTEST, Graph, new_environment
 
@@ -39,6 +41,33 @@ handles = [robot.send(NavigateToPose.Goal(pose=goal)) for robot, goal in zip(rob
 found["ends"] = [robot.end(handle)[0] for robot, handle in zip(robots, handles)]
 found["nodes"] = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces() if name != "client")
 found["topics"] = [bool(node.get_publishers_info_by_topic(f"/{name}/cmd_vel")) for name in ("robot1", "robot2")]
+"""
+
+FLEET = """
+map: office
+robots:
+  - {name: east, start: [1.5, 7.45, 0.0]}
+  - {name: west, start: [4.5, 7.45, 3.1416]}
+"""
+OF_FLEET = """
+from nav2_msgs.action import NavigateToPose
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+from std_srvs.srv import Empty
+def ahead():
+    scan = first(LaserScan, "west/scan", reliable=False)
+    return scan.ranges[len(scan.ranges) // 2]
+found["before"] = ahead()
+go = Action(NavigateToPose, "east/navigate_to_pose")
+found["end"] = go.run(NavigateToPose.Goal(pose=stamped(2.5, 7.45)))[0]
+found["after"] = ahead()
+found["frames"] = sorted({t.child_frame_id for t in first(TFMessage, "west/tf", depth=10).transforms})
+topics = dict(node.get_topic_names_and_types())
+found["topics"] = sorted(topics)
+found["clocks"] = len(node.get_publishers_info_by_topic("/clock"))
+found["nodes"] = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces() if name != "client")
+call(Empty, "east/reset_positions", Empty.Request())
+spin(lambda: abs(ahead() - found["before"]) < 0.05, "the robot at its start")
 """
 
 
@@ -78,6 +107,30 @@ def test_two_robots(tmp_path: Path) -> None:
         )
     finally:
         graph.close()
+
+
+def test_a_fleet_in_one_world(tmp_path: Path) -> None:
+    """One program simulates both: west's lidar, 0.1 m ahead of its center, sees how east's navigator drives it 1 m nearer."""
+    graph, file = Graph(tmp_path), tmp_path / "fleet.yaml"
+    file.write_text(FLEET)
+    try:
+        program = graph.navstack("sim", str(file), "--clock", "--speed", paced(FASTEST))
+        graph.wait_for_text(program, "the simulated robots east, west are ready")
+        graph.start_navigator(
+            "--params", "turtlebot", ros=("-r", "__ns:=/east", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static")
+        )
+        found = graph.ask(OF_FLEET)
+    finally:
+        graph.close()
+    assert found["end"] == 4 and found["clocks"] == 1
+    assert found["before"] == pytest.approx(3.0 - 0.1 - 0.2, abs=0.1)
+    assert found["before"] - found["after"] == pytest.approx(1.0, abs=0.2)  # the tolerance of a goal
+    assert {"/east/scan", "/west/scan", "/west/map", "/east/tf_static", "/west/amcl_pose", "/clock"} <= set(
+        found["topics"]
+    )
+    assert not {"/scan", "/tf", "/map", "/odom"} & set(found["topics"])
+    assert found["frames"] == ["base_footprint", "odom"]
+    assert found["nodes"] == ["/east/navigator", "/navstack_sim"]
 
 
 def test_a_misspelt_parameter_of_ros(tmp_path: Path) -> None:
