@@ -40,6 +40,7 @@ from navstack.parameters.nav2.declared import (
     scopes,
 )
 from navstack.plugins import GLOBAL_PLANNERS, LAYERS
+from navstack.routes import read_scorers
 
 ROBOT = Path(__file__).with_name("nav2_robot.yaml")
 TEXT = ROBOT.read_text(encoding="utf-8")
@@ -901,7 +902,53 @@ def test_a_reverse_drive_that_takes_longer_than_it_may(allowance: float, reporte
 def test_a_node_that_is_not_run_is_named_once() -> None:
     more = {"waypoint_follower": {"ros__parameters": {"loop_rate": 20}}}
     (found,) = [f for f in check_parameters([str(ROBOT), more]) if f.rule == "nav2-not-run"]
-    assert found.message == ("navstack does not run waypoint_follower: its parameters are checked, but they set nothing")
+    assert found.message == (
+        "navstack does not run waypoint_follower: its parameters are checked, but they set nothing"
+    )
+
+
+def test_an_asymmetric_inflation_layer_is_refused_or_its_costs_away_from_the_plan_stand_in(tmp_path: Path) -> None:
+    block = '        plugin: "nav2_costmap_2d::InflationLayer"\n'
+    sides = "        cost_scaling_factor_left: 2.5\n        cost_scaling_factor_right: 6.0\n"
+    text = TEXT.replace(block, block.replace("Inflation", "AsymmetricInflation") + sides, 1)
+    with pytest.raises(ParameterError, match=r"costs depend on the plan.* the larger of cost_scaling_factor_left"):
+        loaded(text, tmp_path, distro="lyrical")
+    robot = loaded(text, tmp_path, distro="lyrical", allow_missing=True)
+    (layer,) = [layer for layer in robot.local_costmap.layers if layer.name == "inflation_layer"]
+    assert (layer.params.cost_scaling_factor, layer.params.inflation_radius) == (6.0, 0.6)
+    assert any("stands in with the larger" in f.message and f.line for f in robot.findings)
+
+
+def test_servers_that_only_trees_ask_are_read_with_the_defaults_of_the_distribution(tmp_path: Path) -> None:
+    graph = tmp_path / "lanes.geojson"
+    graph.write_text("{}", encoding="utf-8")
+    text = TEXT.replace(
+        'behavior_plugins: ["spin", "backup", "wait"]',
+        'behavior_plugins: ["spin", "backup", "wait", "drive", "teleop"]\n    projection_time: 2.5\n'
+        "    simulate_ahead_time: 1.5\n"
+        '    drive: {plugin: "nav2_behaviors::DriveOnHeading"}\n    teleop: {plugin: "nav2_behaviors::AssistedTeleop"}',
+    )
+    text += """
+smoother_server:
+  ros__parameters:
+    smoother_plugins: ["route_smoother"]
+    route_smoother: {plugin: "nav2_smoother::SimpleSmoother", w_data: 0.4}
+route_server:
+  ros__parameters:
+    graph_filepath: /opt/robot/lanes.geojson
+    edge_cost_functions: ["D"]
+    D: {plugin: "nav2_route::DistanceScorer", weight: 2.0}
+"""
+    robot = loaded(text, tmp_path, distro="kilted")
+    found = {b.name: b.params for b in robot.behaviors}
+    assert (found["drive"].simulate_ahead_time, found["teleop"].projection_time) == (1.5, 2.5)
+    (smoother,) = robot.smoothers
+    assert (smoother.name, smoother.params.w_data, smoother.params.w_smooth) == ("route_smoother", 0.4, 0.3)
+    routes = robot.route_server
+    assert (routes["graph_filepath"], routes["D"]["weight"]) == (str(graph), 2.0)
+    assert (routes["aggregate_blocked_ids"], routes["operations"]) == (False, ["AdjustSpeedLimit", "ReroutingService"])
+    params, (scorer,) = read_scorers(routes)
+    assert (params.path_density, scorer.params.weight) == (0.05, 2.0)
 
 
 # --- names that are too deep --------------------------------------------------------------------------------------------

@@ -610,6 +610,9 @@ class _Translator:
             below = self._section(section, node, block.prefix)
             if self.classes["layer"].get(block.scope) == kind:
                 self._rows(node, block.prefix, self._layer_rows(block), below)
+            elif block.scope == _ASYMMETRIC:
+                self._rows(node, block.prefix, self._declared(_ASYMMETRIC), below)
+                self._symmetric_factor(node, block, below)
             if block.scope == "nav2_costmap_2d::StaticLayer":
                 self._rows(node, "", static, below)
             for source in audit.of_kind("layer source"):
@@ -639,6 +642,14 @@ class _Translator:
             rows.pop("map_topic", None)  # the map is passed by the program
         return rows
 
+    def _symmetric_factor(self, node: RosNode, block: Block, below: Space) -> None:
+        """The decay of the costs where no plan is near: the larger of both sides."""
+        rows = self._declared(_ASYMMETRIC)
+        sides = [f"cost_scaling_factor_{side}" for side in ("left", "right")]
+        given = [(node.value(block.prefix + name), name) for name in sides]
+        values = [value if isinstance(value, (int, float)) else rows[name].default for value, name in given]
+        self._put(below, "cost_scaling_factor", max(values), block.at)
+
     def _layer_type(self, node: RosNode, block: Block) -> str | None:
         if not block.scope:
             return None
@@ -649,6 +660,18 @@ class _Translator:
             return block.scope
         message = f"navstack has no layer {block.scope} ({block.id})"
         key = node.key(f"{block.prefix}plugin")
+        if block.scope == _ASYMMETRIC:
+            message += ", whose costs depend on the plan, which layers of navstack do not see"
+            if self.substitute:
+                message += f", so {_BASELINE} stands in with the larger of its cost_scaling_factors"
+                self._add("warning", "nav2-substituted", block.at, key, message)
+                return self.classes["layer"][_BASELINE]
+            message += (
+                f"; write {_BASELINE} with the larger of cost_scaling_factor_left and cost_scaling_factor_right, its costs "
+                "away from the plan, or let that stand in with --substitute"
+            )
+            self._add("error", "nav2-no-such-plugin", block.at, key, message)
+            return None
         if self.substitute:
             self._add("warning", "nav2-substituted", block.at, key, f"{message}, so it is left out")
         else:
@@ -916,6 +939,8 @@ class _Translator:
             self._add("info", "nav2-base-frame", param.at, node.key("base_frame_id"), message)
 
 
+_ASYMMETRIC: Final = "nav2_costmap_2d::AsymmetricInflationLayer"
+_BASELINE: Final = "nav2_costmap_2d::InflationLayer"
 _OMNI: Final = ("Omni", "omni")
 _SIDEWAYS: Final = ("vy_std", "ay_max", "ay_min")
 DEFAULT_TREE: Final = "navigate_to_pose_w_replanning_and_recovery"
