@@ -78,7 +78,8 @@ def ring(seed: int) -> Stage:
     whole = load_graph(shipped_fleets()["warehouse_lanes"].parent / "warehouse.geojson")
     loop = [11, 19, 26, 31, 41, 48, 58, 64, 77, 81, 78, 65, 59, 49, 42, 32, 27, 20, 12, 5, 4, 3]
     bays = [(11, 2), (12, 6), (77, 87), (78, 83)]
-    at = {n: tuple(map(float, whole.xy[whole.node(n)])) for n in {*loop, *(b for _, b in bays)}}
+    xy = whole.xy.astype(float)
+    at = {n: (xy[whole.node(n), 0], xy[whole.node(n), 1]) for n in {*loop, *(b for _, b in bays)}}
     graph = build_graph(at, [*zip(loop, [*loop[1:], loop[0]]), *bays], both_ways=True)
     starts = [int(n) for n in np.random.default_rng(seed).permutation(loop[::2])[:6]]
     far = {n: loop[(i + len(loop) // 2) % len(loop)] for i, n in enumerate(loop)}

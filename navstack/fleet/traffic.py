@@ -818,7 +818,9 @@ class Reservation(_GraphTraffic):
 
 
 class Pibt(_GraphTraffic):
-    """Priority inheritance with backtracking (Okumura et al., AIJ 2022; causal as in AAAI 2021), one node at a time.
+    """Priority inheritance with backtracking, one node at a time.
+
+    As by Okumura et al., AIJ 2022, and without common time steps, as in Causal-PIBT (AAAI 2021).
 
     Robots choose in the order of their ranks the next node nearest to their goal. Who stands there inherits the rank and
     chooses first; if it finds no node, the next best one is tried. A robot drives once the node has been left. So the robot of

@@ -47,7 +47,7 @@ ROAD = build_graph(
 def guided(starts: dict[str, int], routes: dict[str, list[int]], **values: Any) -> Fleet:
     """Return turtlebots that begin at nodes of the road and drive to others; `values`: arguments of `make_fleet`."""
     at = {name: ROAD.xy[ROAD.node(node)].tolist() for name, node in starts.items()}
-    robots = {name: scenario((x, y, 0.0), params="turtlebot_rpp", time=120.0) for name, (x, y) in at.items()}
+    robots = {name: scenario((x, y, 0.0), params="turtlebot_rpp", time=75.0) for name, (x, y) in at.items()}
     values = {"traffic": {"rule": "reservation"}, "seed": 1, **values}
     return make_fleet(robots, routes=routes, graph=ROAD, **values)
 

@@ -1,4 +1,4 @@
-"""Robots with the whole stack that drive as the traffic control grants them; faults among them. Others than discs on edges."""
+"""Robots with the whole stack that drive as the traffic control grants them, with faults and lost messages."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_lost_and_late_messages_cost_time_only() -> None:
 @pytest.mark.slow
 def test_a_robot_that_is_silent_for_good_stops_and_the_others_go_on() -> None:
     # a may drive 0.25 m/s x 2 s on: not past node 1
-    run = drive({"a": [4], "b": [5]}, {"kind": "silent", "time": 0.5, "until": 1e6}, silence=2.0)
+    run = drive({"a": [4], "b": [5]}, {"kind": "silent", "time": 0.5, "until": 1e6}, params={"silence": 2.0})
     assert states(run)["b"] == ["SUCCEEDED"]
     assert 1.1 < run.runs["a"].robot.pose.x < 2.5
     assert run.runs["a"].robot.state().velocity.vx == 0.0
@@ -77,7 +77,7 @@ def test_a_robot_that_was_silent_for_a_while_drives_on() -> None:
 
 @pytest.mark.slow
 def test_a_dead_robot_holds_where_it_stands_only() -> None:
-    run = drive({"a": [4], "b": [5]}, {"kind": "dies", "time": 0.5}, silence=2.0)
+    run = drive({"a": [4], "b": [5]}, {"kind": "dies", "time": 0.5}, params={"silence": 2.0})
     assert states(run) == {"a": ["PREEMPTED"], "b": ["SUCCEEDED"]}
     assert run.traffic is not None
     assert run.traffic.rule.held()["a"][-1] == "node 1"  # type: ignore[attr-defined]
