@@ -77,10 +77,15 @@ def read_scenes(
     sources = [source] if isinstance(source, (str, Path, Scene)) else list(source)
     found = [scene for item in sources for scene in _read(item, agents, numbers, seed, radius)]
     sizes = {len(scene.levels) for scene in found}
-    if len(sizes) != 1 or (agents is not None and sizes != {agents}):
+    if not sizes:
+        raise InputError("the list of scenes is empty; name one, such as crossing", scenes=[])
+    if len(sizes) > 1:
         given = ", ".join(f"{scene.name}: {len(scene.levels)}" for scene in found)
-        wanted = "; all scenes need the same number" if agents is None else f", but agents is {agents}; leave it out"
-        raise InputError(f"the scenes have robots: {given or 'none'}{wanted}", agents=agents)
+        raise InputError(f"the scenes have different numbers of robots ({given}); give scenes with the same number")
+    if agents not in (None, *sizes):
+        raise InputError(
+            f"{found[0].name} has {sizes.pop()} robots, but agents is {agents}; leave agents out", agents=agents
+        )
     return found
 
 

@@ -371,8 +371,9 @@ def _paths(
     driven = planned = weighted = rotation = 0.0
     count = 0
     for number, result in enumerate(results):
-        plan = plans.get(number)
+        plan, succeeded = plans.get(number), result["state"] == "SUCCEEDED"
         if plan is None:
+            count += not succeeded  # without a plan it is a failure; a success without one has no planned length
             continue
         steps = np.diff(plan[:, :2], axis=0)
         sizes = np.hypot(*steps.T)
@@ -381,7 +382,7 @@ def _paths(
         rotation += float(np.abs(np.remainder(np.diff(directions) + math.pi, 2.0 * math.pi) - math.pi).sum())
         count += 1
         way = float(result["path_length_m"])
-        if result["state"] == "SUCCEEDED" and length > 0.0:
+        if succeeded and length > 0.0:
             driven, planned = driven + way, planned + length
             weighted += length / max(way, length)
     return driven / planned if planned > 0.0 else math.nan, weighted / count if count else math.nan, rotation

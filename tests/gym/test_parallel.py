@@ -267,8 +267,9 @@ def test_a_picture_shows_the_robots() -> None:
 def test_wrong_input_has_one_message() -> None:
     levels = head_on()
     for options, message in (
-        ({"levels": levels, "agents": 2}, "test: 3, but agents is 2; leave it out"),
-        ({"levels": [levels, Scene("two", levels.levels[:2])]}, "test: 3, two: 2; all scenes need the same number"),
+        ({"levels": levels, "agents": 2}, "test has 3 robots, but agents is 2; leave agents out"),
+        ({"levels": [levels, Scene("two", levels.levels[:2])]}, "different numbers of robots (test: 3, two: 2)"),
+        ({"levels": []}, "the list of scenes is empty"),
         ({"levels": "corridr"}, 'did you mean "corridor"'),
         ({"levels": "crossing", "agents": 0}, "agents is 0; it must be at least 1"),
         ({"levels": levels, "ended": "gone"}, '"stays" or "leaves"'),

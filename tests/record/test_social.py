@@ -156,16 +156,17 @@ def test_failures_to_progress() -> None:
 
 
 def test_paths_against_plans() -> None:
-    """A goal reached on 5 m instead of 4, one on less than its plan, and one that failed."""
+    """A goal reached on 5 m instead of 4, one on less than its plan, one that failed, and one for which there was no plan."""
     corner = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]])
     results = [
         {"state": "SUCCEEDED", "path_length_m": 5.0},
         {"state": "SUCCEEDED", "path_length_m": 3.0},
         {"state": "ABORTED", "path_length_m": 9.0},
+        {"state": "ABORTED", "path_length_m": 0.0},
     ]
     found = measured(along(11, 0.5), np.full((11, 1, 2), 9.0), plans=dict.fromkeys(range(3), corner), results=results)
     assert found.path_efficiency == pytest.approx(8.0 / 8.0)
-    assert found.spl == pytest.approx((4.0 / 5.0 + 1.0 + 0.0) / 3.0)
+    assert found.spl == pytest.approx((4.0 / 5.0 + 1.0 + 0.0 + 0.0) / 4.0)
     assert found.path_irregularity_rad == pytest.approx(-3 * 0.5 * math.pi)
     assert found.all_arrived_s == math.inf
 
