@@ -1,10 +1,11 @@
 """Load every parameter file of Nav2 in a folder and drive its robot through packaged maps: what loads, what drives, what touches.
 
-    python tools/nav2_robots.py FOLDER [--maps NAME ..] [--only TEXT] [--time-limit S] [--substitute] [--processes N] [--out FILE]
+    python tools/nav2_robots.py FOLDER [--maps NAME ..] [--only TEXT ..] [--time-limit S] [--substitute] [--out FILE]
 
 FOLDER has a folder for each robot. Each file is loaded alone; its robot drives to the goals of each map with the tree that the
 file names, or that of its distribution. Prints a table in Markdown: goals reached, contacts, simulated seconds, and below it a
-sentence for each file that does not load and for each goal that is not reached. `--out` writes the same as JSON.
+sentence for each file that does not load and for each goal that is not reached. `--out` writes the same as JSON; files that it
+has from an earlier run are not driven again.
 """
 
 from __future__ import annotations
@@ -16,11 +17,14 @@ import warnings
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import navstack as nav
 from navstack.core import NavError
+from navstack.explain import explain_goal
 from navstack.parameters import load_configuration, read_yaml
 from navstack.parameters.nav2.document import is_nav2
+from navstack.record import Record
 
 
 @dataclass
@@ -78,9 +82,26 @@ def examine(path: Path, maps: tuple[str, ...], time_limit_s: float, substitute: 
         for number, goal in enumerate(result.goals, 1):
             if not goal.succeeded:
                 drive.causes.append(f"goal {number}: {goal.message}")
+                drive.causes += stuck(result.record, number)
         if drive.reached < drive.goals or drive.contacts:
             drive.causes += result.advice
     return found
+
+
+def stuck(record: Record, number: int) -> list[str]:
+    """Return why the robot did not move on the way to a goal, as far as `navstack explain goal` knows a cause."""
+    entries = [entry.text for entry in explain_goal(record, number).timeline if entry.kind == "stuck"]
+    return list(dict.fromkeys(text.partition("; ")[2] for text in entries if "; " in text))
+
+
+def earlier(file: Path | None) -> list[Robot]:
+    """Return the robots of an earlier run."""
+    if file is None or not file.is_file():
+        return []
+    found: list[dict[str, Any]] = json.loads(file.read_text(encoding="utf-8"))
+    for robot in found:
+        robot["drives"] = [Drive(**drive) for drive in robot["drives"]]
+    return [Robot(**robot) for robot in found]
 
 
 def print_table(robots: list[Robot], maps: tuple[str, ...]) -> None:
@@ -112,23 +133,33 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--maps", nargs="+", default=["office", "warehouse"])
-    parser.add_argument("--only", default="", help="files whose folder and name contain this")
+    parser.add_argument("--only", nargs="+", default=[""], help="files whose folder and name contain one of these")
     parser.add_argument("--time-limit", type=float, default=300.0, help="simulated seconds for each goal")
     parser.add_argument("--substitute", action="store_true", help="let others stand in for missing plugins")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     maps = tuple(given.maps)
-    files = [p for p in sorted(given.folder.glob("*/*.yaml")) if given.only in f"{p.parent.name}/{p.name}"]
-    files = [p for p in files if is_nav2(read_yaml(p).root)]
-    robots: list[Robot] = []
+    files = sorted(given.folder.glob("*/*.yaml"))
+    files = [
+        p
+        for p in files
+        if any(text in f"{p.parent.name}/{p.name}" for text in given.only) and is_nav2(read_yaml(p).root)
+    ]
+    robots = earlier(given.out)
+    there = {robot.file for robot in robots}
     with ProcessPoolExecutor(given.processes) as pool:
-        tasks = [pool.submit(examine, path, maps, given.time_limit, given.substitute) for path in files]
+        tasks = [
+            pool.submit(examine, path, maps, given.time_limit, given.substitute)
+            for path in files
+            if f"{path.parent.name}/{path.name}" not in there
+        ]
         for task in tasks:
             robots.append(task.result())
             print(f"{len(robots)} of {len(files)}: {robots[-1].file}", file=sys.stderr, flush=True)
             if given.out is not None:
                 given.out.write_text(json.dumps([asdict(robot) for robot in robots], indent=1), encoding="utf-8")
+    robots.sort(key=lambda robot: robot.file)
     print_table(robots, maps)
     return 0
 

@@ -147,7 +147,10 @@ class TreeMoveBase(MoveBase):
 
     def _warn_of_missing_servers(self) -> None:
         """Say before the first goal which nodes will fail, because navstack has nothing for them to act on."""
-        lacking = [item for item in self.tree.nodes if isinstance(item, Action) and not self._servers.offers(item)]
+        actions = [item for item in self.tree.nodes if isinstance(item, Action)]
+        for error in self._servers.prepare(actions):
+            self._events.warn(self.last_tick.time, error.message, error)
+        lacking = [item for item in actions if not self._servers.offers(item)]
         if not lacking:
             return
         kinds = ", ".join(dict.fromkeys(item.type for item in lacking))

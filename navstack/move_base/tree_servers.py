@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
@@ -103,6 +103,10 @@ class TaskServer(Protocol):
     @property
     def first_code(self) -> int:
         """The first error code of its action, which means an unknown error."""
+        ...
+
+    def prepare(self) -> None:
+        """Read what its goals need, before the first one. Raises NavError."""
         ...
 
     def start(self, goal: Mapping[str, object], now: float) -> Mapping[str, object] | None:
@@ -286,6 +290,17 @@ class TreeServers:
                 or item.server in self._tasks
             )
         return not isinstance(item, ServiceAction) or item.type.startswith("Clear") or item.type in _SERVICES
+
+    def prepare(self, items: Iterable[Action]) -> list[NavError]:
+        """Prepare the tasks that nodes ask for; return what keeps their goals from success."""
+        found: list[NavError] = []
+        for server in dict.fromkeys(item.server for item in items if isinstance(item, ServerAction)):
+            try:
+                if server in self._tasks:
+                    self._tasks[server].prepare()
+            except NavError as exc:
+                found.append(exc)
+        return found
 
     # --- Servers ------------------------------------------------------------------------------------------------------
 

@@ -99,6 +99,9 @@ class SmootherServer:
             known[id_] = cls(cls.Params())
         return known[id_]
 
+    def prepare(self) -> None:
+        """Do nothing: a tree may choose its smoother while it runs."""
+
     def start(self, goal: Mapping[str, object], now: float) -> Mapping[str, object]:
         """Return the smoothed path. Raises NavError."""
         costmap, path = self._frames.costmap, goal.get("unsmoothed_path")
@@ -161,9 +164,17 @@ class RouteGraphServer:
         file = str(self._parameters.get("graph_filepath") or "")
         if not file:
             raise InvalidGraphError(
-                "the tree asks for a route, but there is no graph; write graph_filepath: FILE.geojson in route_server"
+                "the tree asks for a route, but there is no graph; write graph_filepath: FILE.geojson in route_server, or give "
+                "it with --set route_server/graph_filepath=FILE.geojson"
             )
         return RoutePlanner(load_graph(FilePath(file).expanduser()), *read_scorers(self._parameters))
+
+    def prepare(self) -> None:
+        """Read everything. Raises RouteError, ParameterError."""
+        from navstack.routes import read_operations
+
+        _ = self.planner
+        read_operations(self._parameters)
 
     def track(self, planned: PlannedRoute) -> TrackedRoute:
         """Return a route to track, with new operations. Raises ParameterError."""
@@ -230,6 +241,10 @@ class RouteServer:
     def __init__(self, graph: RouteGraphServer) -> None:
         self._graph = graph
 
+    def prepare(self) -> None:
+        """Read graph, edge scorers and operations. Raises RouteError, ParameterError."""
+        self._graph.prepare()
+
     def start(self, goal: Mapping[str, object], now: float) -> Mapping[str, object]:
         """Return the route and its path. Raises NavError."""
         return {**_values(self._graph.plan(goal, now)), "planning_time": 0.0}
@@ -261,6 +276,10 @@ class RouteTrackingServer:
         self._limited = local_planner()
         self._seen = 0
         self._begun = 0.0
+
+    def prepare(self) -> None:
+        """Read graph, edge scorers and operations. Raises RouteError, ParameterError."""
+        self._graph.prepare()
 
     def start(self, goal: Mapping[str, object], now: float) -> None:
         """Plan the route. Raises NavError."""

@@ -96,7 +96,11 @@ def same_parameters(a: Configuration, b: Configuration) -> bool:
             c.global_costmap,
             c.local_costmap,
             planners,
+            c.smoother,
             c.recoveries,
+            c.behaviors,
+            c.smoothers,
+            c.route_server,
             c.navstack,
             c.safety,
             c.localization,
@@ -113,7 +117,7 @@ def _all(c: Configuration) -> Iterator[Parameter]:
         yield from walk.model(costmap.params, name, _left_to_layers(costmap))
         for layer in costmap.layers:
             yield from walk.model(layer.params, layer.namespace)
-    for planner in (c.global_planner, c.local_planner):
+    for planner in (c.global_planner, c.local_planner, *((c.smoother,) if c.smoother is not None else ())):
         yield from walk.model(planner.params, planner.namespace)
     imposed: dict[str, dict[str, str]] = {}
     if c.move_base.recovery_behaviors is None:
@@ -121,10 +125,30 @@ def _all(c: Configuration) -> Iterator[Parameter]:
             imposed[spec.name] = dict.fromkeys(values, "set by the built-in list of recoveries")
     for recovery in {r.namespace: r for r in c.recoveries}.values():
         yield from walk.model(recovery.params, recovery.namespace, imposed.get(recovery.name))
+    yield from _for_trees(c, walk)
     yield from walk.model(c.navstack, "navstack")
     for name, params in (*c.safety.sections(), *c.localization.sections(), (DOCKING_SECTION, c.docking)):
         if params is not None:
             yield from walk.model(params, name)
+
+
+def _for_trees(c: Configuration, walk: _Walk) -> Iterator[Parameter]:
+    """What only behavior trees use: its lists, and the graph of routes, as they are written."""
+    recoveries = {recovery.namespace for recovery in c.recoveries}
+    server, routes = c.tree.space("smoother_server"), c.tree.space("route_server")
+    lists = (
+        (c.tree.leaf("behavior_plugins"), c.behaviors, "behaviors of trees besides the recoveries"),
+        (server.leaf("smoother_plugins") if server is not None else None, c.smoothers, "smoothers of trees"),
+    )
+    for leaf, plugins, text in lists:
+        if leaf is None:
+            continue
+        yield Parameter(leaf.path, leaf.value, leaf.node.at, FieldInfo(description=text))
+        for plugin in plugins:
+            if plugin.namespace not in recoveries:
+                yield from walk.model(plugin.params, plugin.namespace)
+    for leaf in routes.leaves() if routes is not None else ():
+        yield Parameter(leaf.path, leaf.value, leaf.node.at, FieldInfo(description="Nav2's route_server"))
 
 
 def _left_to_layers(costmap: CostmapConfiguration) -> dict[str, str]:

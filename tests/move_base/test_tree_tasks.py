@@ -12,8 +12,8 @@ import pytest
 import navstack as nav
 from navstack.behavior_trees import ActionState
 from navstack.bringup import build_move_base, simulated_robot
+from navstack.core import Event, Pose2D, Twist2D
 from navstack.core import Path as PosePath
-from navstack.core import Pose2D, Twist2D
 from navstack.move_base import GoalHandle, GoalStatus, TreeMoveBase
 from navstack.parameters import Configuration, load_configuration
 from navstack.routes import build_graph, save_graph
@@ -175,6 +175,31 @@ def test_a_failure_has_the_code_of_nav2_and_says_what_to_do(
     assert handle.status is GoalStatus.ABORTED and handle.result is not None
     assert bench.code("route") == code == handle.result.error_code
     assert text in handle.result.message
+
+
+@pytest.mark.parametrize(
+    ("routes", "text"),
+    [
+        ({}, "there is no graph; write graph_filepath"),
+        ({"graph_filepath": "nowhere.geojson"}, "nowhere.geojson"),
+        ({"graph_filepath": "GRAPH", "path_densty": 0.1}, "did you mean path_density?"),
+        ({"graph_filepath": "GRAPH", "operations": ["Sing"]}, "Sing.plugin is missing"),
+    ],
+)
+def test_what_a_route_needs_is_read_before_the_first_goal(routes: dict[str, Any], text: str, graph_file: Path) -> None:
+    given = {key: str(graph_file) if value == "GRAPH" else value for key, value in routes.items()}
+    bench = Bench(tree_of(ROUTE), route_server=given)
+    heard: list[str] = []
+
+    class Listener:
+        hears_feedback = False
+
+        def on_event(self, event: Event) -> None:
+            heard.append(event.text)
+
+    bench.move_base.listeners.append(Listener())
+    bench.move_base.use_tree(tree_of(ROUTE))
+    assert [text in message for message in heard] == [True]
 
 
 def test_an_edge_that_is_blocked_leads_to_another_route(graph_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -189,6 +189,32 @@ def test_docks_and_their_types_survive_the_way_there_and_back(tmp_path: Path) ->
     assert [c for c in made.of_kind("no counterpart") if c.source.startswith("docking_server")] == []
 
 
+def test_servers_of_trees_survive_the_way_there_and_back(tmp_path: Path) -> None:
+    robot = {
+        "behavior_plugins": [{"name": "assisted_teleop", "type": "nav2_behaviors::AssistedTeleop"}],
+        "assisted_teleop": {"projection_time": 2.5},
+        "smoother_server": {
+            "smoother_plugins": [{"name": "route_smoother", "type": "nav2_smoother::SimpleSmoother"}],
+            "route_smoother": {"refinement_num": 5, "w_data": 0.4},
+        },
+        "route_server": {
+            "smooth_corners": True,
+            "edge_cost_functions": ["D"],
+            "D": {"plugin": "nav2_route::DistanceScorer", "weight": 2.0},
+        },
+    }
+    before = load_configuration(["turtlebot", robot])
+    after = there_and_back(["turtlebot", robot], tmp_path, "kilted")
+    assert after.smoothers == before.smoothers
+    (teleop,) = [b for b in after.behaviors if b.name == "assisted_teleop"]
+    assert teleop.params.projection_time == 2.5
+    assert {key: after.route_server[key] for key in ("smooth_corners", "edge_cost_functions")} == {
+        "smooth_corners": True,
+        "edge_cost_functions": ["D"],
+    }
+    assert after.route_server["D"]["weight"] == 2.0
+
+
 @pytest.mark.parametrize("distro", NAV2_DISTROS)
 def test_nav2_accepts_the_file_of_every_distribution(distro: str, tmp_path: Path) -> None:
     _, files = nav2(["turtlebot"], tmp_path / "out", distro)

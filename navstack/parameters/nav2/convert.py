@@ -257,6 +257,7 @@ class _Converter:
         self._bt_navigator()
         self._safety()
         self._docking()
+        self._route_server()
         self._amcl()
         self._required_nodes()
         kept = self._kept()
@@ -833,18 +834,34 @@ class _Converter:
                 self.put(node, scope, target, value, [p.name], prefix=prefix, kind=kind, note=note)
 
     def _smoother_server(self) -> None:
-        smoother = self.c.smoother
-        if smoother is None or self.distro < HUMBLE:
+        if self.distro < HUMBLE:
             return
-        scope = _class_of("smoother", SMOOTHERS, smoother.name)
-        if not scope:
+        node, listed = "smoother_server", [*self.c.smoothers]
+        note = ""
+        if self.c.smoother is not None and not listed:
+            listed, note = [self.c.smoother], "add SmoothPath to the tree to use it"
+        found = {s.namespace.rpartition("/")[2]: (s, _class_of("smoother", SMOOTHERS, s.name, s)) for s in listed}
+        found = {id_: (smoother, scope) for id_, (smoother, scope) in found.items() if scope}
+        if not found:
             return
-        id_ = smoother.namespace.rpartition("/")[2]
-        self.text(
-            "smoother_server", "smoother_plugins", [id_], ["base_smoother"], "add SmoothPath to the tree to use it"
-        )
-        self.text("smoother_server", f"{id_}.plugin", scope)
-        self.table("smoother_server", scope, smoother.namespace, f"{id_}.")
+        self.text(node, "smoother_plugins", [*found], ["base_smoother" if note else f"{node}/smoother_plugins"], note)
+        for id_, (smoother, scope) in found.items():
+            self.text(node, f"{id_}.plugin", scope)
+            self.table(node, scope, smoother.namespace, f"{id_}.")
+
+    def _route_server(self) -> None:
+        """The graph of routes, with its edge scorers and operations."""
+        node = "route_server"
+        if not self.c.route_server or self.distro < KILTED:
+            return
+        self.table(node, node, node)
+        for key in ("edge_cost_functions", "operations"):
+            for id_ in self.c.route_server.get(key, ()):
+                section = f"{node}/{id_}"
+                plugin = self.params.get(f"{section}/plugin")
+                scope = str(plugin.value) if plugin is not None else f"nav2_route::{id_}"
+                self.text(node, f"{id_}.plugin", scope, [plugin.name] if plugin is not None else ())
+                self.table(node, scope, section, f"{id_}.")
 
     # --- costmaps -----------------------------------------------------------------------------------------------------
 
@@ -1030,7 +1047,10 @@ class _Converter:
         behaviors = {"spin": "Spin", "backup": "BackUp", "drive_on_heading": "DriveOnHeading", "wait": "Wait"}
         if self.distro < HUMBLE:
             del behaviors["drive_on_heading"]
-        self.text(node, key, list(behaviors))
+        teleop = [b for b in self.c.behaviors if b.cls.__name__ == "AssistedTeleop"]
+        if teleop and self.distro >= HUMBLE:
+            behaviors["assisted_teleop"] = "AssistedTeleop"
+        self.text(node, key, list(behaviors), ["behavior_plugins"])
         for id_, name in behaviors.items():
             self.text(node, f"{id_}.plugin", exported_name("behavior", f"nav2_behaviors::{name}", self.distro))
         frames = ("local_frame", "global_frame") if self.distro >= IRON else ("global_frame",)
@@ -1040,13 +1060,15 @@ class _Converter:
             self.put(node, scope, frame, self.value(source), [source])
         self._base_frame(node, scope)
         found: dict[str, list[str]] = {}
-        for plugin in self.c.recoveries:
+        for plugin in (*self.c.recoveries, *self.c.behaviors):
             for name in (
                 "simulate_ahead_time",
                 "cycle_frequency",
                 "max_rotational_vel",
                 "min_rotational_vel",
                 "rotational_acc_lim",
+                "projection_time",
+                "simulation_time_step",
             ):
                 if f"{plugin.namespace}/{name}" in self.params:
                     found.setdefault(name, []).append(f"{plugin.namespace}/{name}")
