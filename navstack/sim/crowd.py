@@ -144,27 +144,42 @@ def push_from_wall(away, wx, wy, x, y):
     return push * (x - wx) / away, push * (y - wy) / away
 
 
-@kernel
-def push_from_other(rx, ry, vx, vy, extra):
-    """Acceleration (m/s²) away from a pedestrian with velocity (vx, vy), at -(rx, ry) from here (equations 3 and 4).
+PUSHES: Final = 9
+"""Rows of the scratch memory of `pushes_from_others`."""
 
-    `extra` (m): excess of the two radii over those of the model. The equipotential lines are ellipses that extend ahead of the
-    pedestrian by the length of the next step.
+
+@kernel
+def pushes_from_others(pairs, count):
+    """Accelerations (m/s²) away from pedestrians (equations 3 and 4), one in each of the first `count` columns of `pairs`.
+
+    Rows 0 and 1: (rx, ry), the way from the pedestrian to here (m); 2 and 3: its velocity (m/s); 4: the excess of the two radii
+    over those of the model (m). Rows 0 and 1 become the acceleration, the others are scratch. The equipotential lines are
+    ellipses that extend ahead of the pedestrian by the length of the next step.
     """
-    away = math.sqrt(rx * rx + ry * ry)
-    if away > OTHERS_SEEN + extra or away == 0.0:
-        return 0.0, 0.0
-    near = max(away - extra, 0.01)
-    rx, ry = rx * near / away, ry * near / away
-    sx, sy = vx * OTHERS_STEP, vy * OTHERS_STEP
-    yx, yy = rx - sx, ry - sy
-    ahead = math.sqrt(yx * yx + yy * yy)
-    b = 0.5 * math.sqrt(max((near + ahead) ** 2 - sx * sx - sy * sy, 1e-6))
-    push = OTHERS / OTHERS_REACH * math.exp(-b / OTHERS_REACH) * (near + ahead) / (4.0 * b)
-    fx, fy = rx / near, ry / near
-    if ahead > 0.0:
-        fx, fy = fx + yx / ahead, fy + yy / ahead
-    return push * fx, push * fy
+    number = np.uint64(count)
+    # without branches and exponentials, so that the loop is vectorized: the roots and quotients take most of the time
+    for i in range(number):
+        rx, ry, extra = pairs[0, i], pairs[1, i], pairs[4, i]
+        away = math.sqrt(rx * rx + ry * ry)
+        near = away - extra
+        near = near if near > 0.01 else 0.01
+        rx, ry = rx * near / away, ry * near / away
+        sx, sy = pairs[2, i] * OTHERS_STEP, pairs[3, i] * OTHERS_STEP
+        yx, yy = rx - sx, ry - sy
+        ahead = math.sqrt(yx * yx + yy * yy)
+        squared = (near + ahead) ** 2 - sx * sx - sy * sy
+        b = 0.5 * math.sqrt(squared if squared > 1e-6 else 1e-6)
+        fx, fy = rx / near, ry / near
+        pairs[0, i] = fx + yx / ahead if ahead > 0.0 else fx
+        pairs[1, i] = fy + yy / ahead if ahead > 0.0 else fy
+        pairs[5, i], pairs[6, i], pairs[7, i] = -b / OTHERS_REACH, near + ahead, 4.0 * b
+        pairs[8, i] = 1.0 if (away <= OTHERS_SEEN + extra) & (away > 0.0) else 0.0
+    for i in range(number):
+        if pairs[8, i] > 0.0:
+            push = OTHERS / OTHERS_REACH * math.exp(pairs[5, i]) * pairs[6, i] / pairs[7, i]
+            pairs[0, i], pairs[1, i] = push * pairs[0, i], push * pairs[1, i]
+        else:
+            pairs[0, i], pairs[1, i] = 0.0, 0.0
 
 
 @kernel
@@ -206,7 +221,7 @@ def head_for_goal(people, k, settings, goals, dt):
 def people_within(xs, ys, x, y, reach, near):
     """Writes the numbers of the people at (xs, ys) (n,) within `reach` (m) of the point to `near` (n,), ascending; their count.
 
-    Without a branch, that takes less than a nanosecond a person, where the force of a person takes 60: cell lists would save
+    Without a branch, that takes less than a nanosecond a person, where the force of a person takes many: cell lists would save
     little below a thousand people, and they would lose the order in which the forces are added.
     """
     count = np.uint64(0)
@@ -229,19 +244,28 @@ def weight_of_force(fx, fy, ex, ey):
 
 
 @kernel
-def add_social_forces(before, settings, k, near, count, ex, ey, robot, ax, ay):
-    """Adds the forces of the people `near[:count]`, and of the robot if it is noticed, to the acceleration of person `k`."""
+def add_social_forces(before, settings, k, near, count, ex, ey, robot, pairs, ax, ay):
+    """Adds the forces of the people `near[:count]`, and of the robot if it is noticed, to the acceleration of person `k`.
+
+    `pairs` (PUSHES, count + 1) is scratch.
+    """
     x, y, radius = before[k].x, before[k].y, settings[k].radius
+    number = 0
     for i in range(count):
         j = near[i]
         if j != k:
-            extra = settings[j].radius + radius - 2.0 * BODY
-            fx, fy = push_from_other(x - before[j].x, y - before[j].y, before[j].vx, before[j].vy, extra)
-            weight = weight_of_force(fx, fy, ex, ey)
-            ax, ay = ax + weight * fx, ay + weight * fy
+            pairs[0, number], pairs[1, number] = x - before[j].x, y - before[j].y
+            pairs[2, number], pairs[3, number] = before[j].vx, before[j].vy
+            pairs[4, number] = settings[j].radius + radius - 2.0 * BODY
+            number += 1
     if settings[k].notices_robot:
-        extra = robot[4] + radius - 2.0 * BODY
-        fx, fy = push_from_other(x - robot[0], y - robot[1], robot[2], robot[3], extra)
+        pairs[0, number], pairs[1, number] = x - robot[0], y - robot[1]
+        pairs[2, number], pairs[3, number] = robot[2], robot[3]
+        pairs[4, number] = robot[4] + radius - 2.0 * BODY
+        number += 1
+    pushes_from_others(pairs, number)
+    for i in range(number):
+        fx, fy = pairs[0, i], pairs[1, i]
         weight = weight_of_force(fx, fy, ex, ey)
         ax, ay = ax + weight * fx, ay + weight * fy
     return ax, ay
@@ -438,6 +462,7 @@ def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt, 
     n = people.shape[0]
     before = people.copy()
     xs, ys, near = np.empty(n), np.empty(n), np.empty(n + 1, np.int64)
+    pairs = np.empty((PUSHES, n + 1))
     largest = 0.0
     for k in range(n):
         xs[k], ys[k], largest = before[k].x, before[k].y, max(largest, settings[k].radius)
@@ -449,7 +474,7 @@ def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt, 
         if not own.orca:
             reach = OTHERS_SEEN + largest + own.radius - 2.0 * BODY + ROUNDING
             number = people_within(xs, ys, x, y, reach, near)
-            ax, ay = add_social_forces(before, settings, k, near, number, ex, ey, robot, ax, ay)
+            ax, ay = add_social_forces(before, settings, k, near, number, ex, ey, robot, pairs, ax, ay)
         ax, ay, nearest, nearest_x, nearest_y = add_obstacle_forces(x, y, squares, grid, solids, ax, ay)
         if own.orca:
             vx, vy = chosen[k, 0], chosen[k, 1]

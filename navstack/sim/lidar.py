@@ -176,34 +176,49 @@ def is_hidden(ranges, cx, cy, r, d2, scan):
 
 
 @plain_kernel
-def see_discs(ranges, beams, discs, tops, eye, scan, reach, windows):
+def disc_windows(discs, eye, scan, windows):
+    """Writes to `windows` (6, k) of each disc (k, 3) in the map (m): first and last beam (`beams_towards`), its center in the
+    sensor's frame (m), its radius (m) and the square of its distance (m^2).
+    """
+    x, y = eye[0], eye[1]
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    number = np.uint64(discs.shape[0])
+    # without branches, and along contiguous arrays, so that the loop is vectorized
+    for k in range(number):
+        windows[2, k], windows[3, k], windows[4, k] = discs[k, 0], discs[k, 1], discs[k, 2]
+    for k in range(number):
+        wx, wy, r = windows[2, k] - x, windows[3, k] - y, windows[4, k]
+        d2 = wx * wx + wy * wy
+        cx, cy = c * wx + s * wy, c * wy - s * wx
+        windows[0, k], windows[1, k] = beams_towards(cx, cy, r, d2, scan)
+        windows[2, k], windows[3, k], windows[5, k] = cx, cy, d2
+
+
+@plain_kernel
+def see_discs(ranges, beams, discs, tops, eye, scan, reach, windows, seen):
     """Shortens the `ranges` (n,) of the beams that hit one of the discs (k, 3) in the map (m), of the heights `tops`.
 
     The test of a beam is exact, and only the beams between the two tangents need it (`beams_towards`). All windows of beams are
-    computed before any beam is tested: the processor cannot
-    predict how many beams a disc has, and must not wait for an angle to find out. `windows` (k, 6) is scratch.
+    computed before any beam is tested: the processor cannot predict how many beams a disc has, and must not wait for an angle to
+    find out. `windows` (6, k) and `seen` (k,) are scratch.
     """
     n = beams.shape[0]
-    x, y = eye[0], eye[1]
-    c, s = math.cos(eye[2]), math.sin(eye[2])
     turn = 2.0 * math.pi / scan.angle_increment
-    number = 0
+    disc_windows(discs, eye, scan, windows)
+    number, is_inside = 0, False
     for k in range(discs.shape[0]):
-        wx, wy, r = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
-        d2 = wx * wx + wy * wy
-        if d2 <= r * r and tops[k] >= scan.height:
-            ranges[:] = 0.0
-            return
-        cx, cy = c * wx + s * wy, c * wy - s * wx
-        window = windows[number]
-        window[0], window[1] = beams_towards(cx, cy, r, d2, scan)
-        window[2], window[3], window[4], window[5] = cx, cy, r, d2
+        r, d2, is_high = windows[4, k], windows[5, k], tops[k] >= scan.height
+        is_inside |= is_high and d2 <= r * r
+        seen[number] = k
         # False for a disc that is absent
-        is_seen = tops[k] >= scan.height and d2 <= (reach + r) * (reach + r) and window[0] <= n - 1
-        number += 1 if is_seen else 0
-    for k in range(number):
-        window = windows[k]
-        first, last, cx, cy, r, d2 = window[0], window[1], window[2], window[3], window[4], window[5]
+        number += 1 if is_high and d2 <= (reach + r) * (reach + r) and windows[0, k] <= n - 1 else 0
+    if is_inside:
+        ranges[:] = 0.0
+        return
+    for j in range(number):
+        k = seen[j]
+        first, last, cx, cy = windows[0, k], windows[1, k], windows[2, k], windows[3, k]
+        r, d2 = windows[4, k], windows[5, k]
         while first <= n - 1:
             for i in range(max(0, math.ceil(first)), min(n - 1, math.floor(last)) + 1):
                 b = cx * beams[i, 0] + cy * beams[i, 1]
@@ -273,12 +288,14 @@ def sweep(leaps, grid, discs, circles, corners, first, tops, eye, beams, setting
     px = (c * (x - grid[0]) + s * (y - grid[1])) / resolution
     py = (c * (y - grid[1]) - s * (x - grid[0])) / resolution
     c, s = math.cos(yaw - grid[2]), math.sin(yaw - grid[2])
+    has_map = nx * ny > 1 or flat[0] == 0  # a world without a map has one free cell
     for i in range(n):
         dx = c * beams[i, 0] - s * beams[i, 1]
         dy = s * beams[i, 0] + c * beams[i, 1]
-        ranges[i] = resolution * cast_ray(flat, ny, nx, px, py, dx, dy, reach / resolution)
-
-    see_discs(ranges, beams, discs, tops, eye, scan, reach, np.empty((discs.shape[0], 6)))
+        hit = cast_ray(flat, ny, nx, px, py, dx, dy, reach / resolution) if has_map else math.inf
+        ranges[i] = resolution * hit
+    count = discs.shape[0]
+    see_discs(ranges, beams, discs, tops, eye, scan, reach, np.empty((6, count)), np.empty(count, np.int64))
     c, s = math.cos(yaw), math.sin(yaw)
     for k in range(circles.shape[0]):
         wx, wy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]

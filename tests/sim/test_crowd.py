@@ -15,17 +15,26 @@ from navstack.sim import PedestrianMotion, Shape, SimParams, SimulatedRobot, Wor
 from navstack.sim.crowd import (
     BEHIND,
     BODY,
+    PUSHES,
     SIGHT,
     add_social_forces,
     people_within,
-    push_from_other,
     push_from_wall,
+    pushes_from_others,
 )
 from tests.sim.worlds import ascii_map
 
 CIRCLE = Footprint.from_radius(0.18)
 FAR_AWAY = Pose2D(50.0, 50.0, 0.0)
 BLIND = SimParams(lasers=[], bumpers=[])
+
+
+def push_from_other(*pair: float) -> tuple[float, float]:
+    """The force of one person: rx, ry, vx, vy, extra."""
+    pairs = np.full((PUSHES, 1), math.nan)
+    pairs[:5, 0] = pair
+    pushes_from_others(pairs, 1)
+    return float(pairs[0, 0]), float(pairs[1, 0])
 
 
 def walker(x: float, y: float, *goals: tuple[float, float], radius: float = 0.25, **more: object) -> Shape:
@@ -110,7 +119,8 @@ def test_forces_equal_a_plain_loop_over_all_people(seed: int, people: int, side:
         reach = 5.0 + 2.0 * 0.5 - 2.0 * BODY + 1e-9
         x, y = float(before[k]["x"]), float(before[k]["y"])
         count = people_within(before["x"].copy(), before["y"].copy(), x, y, reach, near)
-        assert add_social_forces(before, own, k, near, count, ex, ey, robot, 0.3, -0.2) == (ax, ay)
+        pairs = np.empty((PUSHES, people + 1))
+        assert add_social_forces(before, own, k, near, count, ex, ey, robot, pairs, 0.3, -0.2) == (ax, ay)
 
 
 def test_two_pedestrians_pass_each_other() -> None:
