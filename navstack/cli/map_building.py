@@ -101,7 +101,7 @@ def build(
     written = save_map(grid, out)
     if not unfinished:
         save_session(mapper, files["mapping"])
-    write_g2o(mapper.graph, files["graph"])
+    write_g2o(mapper.final_graph or mapper.graph, files["graph"])
     plot_mapping(mapper, files["picture"], grid=grid, title=f"map of {log.name}")
     document["files"] = {"map": str(written[0]), "image": str(written[1])}
     document["files"] |= {name: str(file) for name, file in files.items()}

@@ -28,6 +28,7 @@ from navstack.mapping.loops import EDGE_FLOOR, Loop, Scene, agree, compare, edge
 from navstack.mapping.matching import SPACING, Match, Surfaces, surface_points
 from navstack.mapping.params import MapperParams
 from navstack.mapping.pose_graph import Edge, PoseGraph, solve
+from navstack.mapping.refinement import Calibration, refine
 
 FEWEST_POINTS: Final = 15
 """A scan with fewer points cannot be matched."""
@@ -172,6 +173,10 @@ class Mapper:
         self.observations = Observations()
         self.pending: list[Loop] = []
         """Loops that wait for a second match."""
+        self.final_graph: PoseGraph | None = None
+        """The graph of the refinement, whose solution the poses are; None before `finish`."""
+        self.calibration: Calibration | None = None
+        """Of the odometry, by the refinement."""
         self._poses: NDArray[np.float64] = np.empty((64, 3))
         self._lengths: list[float] = []
         self._middles: list[tuple[float, float]] = []
@@ -277,14 +282,17 @@ class Mapper:
         return self._match(stamp, scan, mounting, surface, step if not has_odometry else None)
 
     def finish(self) -> None:
-        """Decide what is pending and solve the graph a last time."""
+        """Decide what is pending, and refine the poses; more scans may follow."""
         for loop in self.pending:
             self._decide(loop, False, "no second match confirmed it")
         self.pending.clear()
         if self._unsolved:
             self._solve()
-        chi2 = self.graph.edge_chi2() if self.graph.edges else np.empty(0)
-        by_nodes = {(e.i, e.j): math.sqrt(c) for e, c in zip(self.graph.edges, chi2.tolist(), strict=True) if e.is_loop}
+        final = self._refine() or self.graph
+        chi2 = final.edge_chi2() if final.edges else np.empty(0)
+        accepted = {(loop.place, loop.keyframe) for loop in self.loops if loop.accepted}
+        pairs = zip(final.edges, chi2.tolist(), strict=True)
+        by_nodes = {(e.i, e.j): math.sqrt(c) for e, c in pairs if (e.i, e.j) in accepted}
         for loop in self.loops:
             if loop.accepted:
                 loop.residual = by_nodes.get((loop.place, loop.keyframe), math.nan)
@@ -594,6 +602,24 @@ class Mapper:
             )
             for loop in loops
         ]
+
+    def _refine(self) -> PoseGraph | None:
+        """Match every keyframe with all places near it; see `refine`."""
+        passes, reach = self.params.refinement_passes, self.params.max_laser_range
+        if passes == 0 or len(self.keyframes) < 3:
+            return None
+        found = refine(
+            self.graph.poses.copy(),
+            lambda k: self.keyframes.surface(k, reach),
+            np.array([step.odometry for step in self.steps]),
+            np.array([step.matched for step in self.steps]),
+            [edge for edge in self.graph.edges if edge.is_loop],
+            passes,
+        )
+        self._poses[: len(found.poses)] = found.poses
+        self._local, self.calibration = None, found.calibration
+        self.final_graph = PoseGraph(self.graph.poses, found.edges)
+        return self.final_graph
 
     def _solve(self) -> float:
         """Solve the graph; return the largest error of a match between keyframes that follow each other (sigma)."""

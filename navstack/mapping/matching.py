@@ -378,12 +378,14 @@ class Surfaces:
         surface: NDArray[np.float64],
         guess: Transform2D,
         prior: tuple[Transform2D, NDArray[np.float64]] | None = None,
+        *,
+        rounds: int = 20,
     ) -> Match:
         """Return the pose near `guess` at which the scan fits best; `prior`: a pose and its information (3, 3).
 
-        Without one, a weak prior around the guess keeps a scan from sliding along a corridor.
+        Without one, a weak prior around the guess keeps a scan from sliding along a corridor. `rounds`: most iterations.
         """
-        settings = np.array([CELL, SIGMA_M, INLIER_M, 20.0, INDEPENDENT])
+        settings = np.array([CELL, SIGMA_M, INLIER_M, float(rounds), INDEPENDENT])
         row = np.zeros(9)
         row[:3] = guess
         row[[3, 6, 8]] = WEAK

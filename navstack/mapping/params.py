@@ -43,3 +43,6 @@ class MapperParams(ParamModel):
     loop_match_maximum_contradiction: float = param(
         0.1, "share of the points where the other scans have seen free space", ge=0.0, le=1.0
     )
+    refinement_passes: int = param(
+        2, "at the end, how often every keyframe is matched with all places near it; 0: not", ge=0, le=10
+    )
