@@ -189,6 +189,19 @@ def test_docks_and_their_types_survive_the_way_there_and_back(tmp_path: Path) ->
     assert [c for c in made.of_kind("no counterpart") if c.source.startswith("docking_server")] == []
 
 
+@pytest.mark.parametrize("id_", ["goal_checker", "general_goal_checker"])
+def test_the_tolerances_of_the_goal_checker_come_back_whatever_its_id(id_: str, tmp_path: Path) -> None:
+    _, (file, *_) = nav2(["turtlebot"], tmp_path, "humble")
+    path = Path(file)
+    values = {"xy_goal_tolerance": 0.31, "yaw_goal_tolerance": 0.22}
+    text = path.read_text("utf-8").replace('["goal_checker"]', f'["{id_}"]').replace("    goal_checker:", f"    {id_}:")
+    found = yaml.safe_load(text)
+    found["controller_server"]["ros__parameters"][id_].update(values)
+    path.write_text(yaml.safe_dump(found), encoding="utf-8")
+    made = yaml.safe_load(to_move_base([str(path)], distro="humble").files["move_base_params.yaml"])
+    assert {key: made["DWAPlannerROS"][key] for key in values} == values
+
+
 def test_servers_of_trees_survive_the_way_there_and_back(tmp_path: Path) -> None:
     robot = {
         "behavior_plugins": [{"name": "assisted_teleop", "type": "nav2_behaviors::AssistedTeleop"}],

@@ -61,7 +61,7 @@ _RENAMED: Final[Mapping[str, str]] = {
     "trans_stopped_vel": "trans_stopped_velocity",
     "theta_stopped_vel": "goal_checker/rot_stopped_velocity",
 }
-"""Key of DWA -> key below DWB's section."""
+"""Key of DWA -> key below DWB's section; `goal_checker` stands for the id of the first one."""
 
 
 def to_move_base(
@@ -187,8 +187,10 @@ class _Converter:
         self._put("base_local_planner", _DWA, [planner], "nearest", "the planner of ROS 1 that DWB comes from")
         for name in _SAME:
             self._from(section, name, name)
+        checker = self._goal_checker(section)
         for name, source in _RENAMED.items():
-            self._from(section, name, source)
+            first, slash, key = source.partition("/")
+            self._from(section, name, f"{checker}/{key}" if slash and first == "goal_checker" else source)
         generator = self.params[f"{section}/trajectory_generator_name"]
         limited = "LimitedAccel" in str(generator.value)
         self._put(f"{_SECTION}/use_dwa", limited, [generator], "converted", "true for LimitedAccelGenerator")
@@ -228,6 +230,16 @@ class _Converter:
             self._put(f"{_SECTION}/sum_scores", total.value, [total], "carried over")
         # navstack's own section: biases are per meter, as in noetic
         self._put("navstack/ros_distro", "noetic", [], "added", "scale of the biases")
+
+    def _goal_checker(self, section: str) -> str:
+        """The id of the goal checker, of which DWA has the tolerances."""
+        listed = self.params.get(f"{section}/goal_checker_plugins")
+        ids = listed.value if listed is not None and isinstance(listed.value, list) else []
+        id_ = str(ids[0]) if ids else "goal_checker"
+        plugin = self.params.get(f"{section}/{id_}/plugin")
+        if plugin is not None and "::Simple" in str(plugin.value):
+            self.used.update((f"{section}/goal_checker_plugins", plugin.name))
+        return id_
 
     def _from(self, section: str, name: str, source: str) -> None:
         p = self.params.get(f"{section}/{source}")
