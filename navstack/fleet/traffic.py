@@ -1014,6 +1014,8 @@ class TrafficControl:
             )
         self.grants: dict[str, Grant] = {}
         """By the name of the robot: what it knows."""
+        self._registered: set[str] = set()
+        """Robots whose first report has arrived: it is neither late nor lost."""
         self._reports: list[tuple[float, RobotReport]] = []
         """On their way, with the time of their arrival."""
         self._sent: list[tuple[float, str, Grant]] = []
@@ -1022,7 +1024,12 @@ class TrafficControl:
     def update(self, now: float, reports: Iterable[RobotReport]) -> dict[str, Grant]:
         """Send the reports, run the rule on those that arrive, and return the grants that the robots have by now."""
         link, self._number = self.communication, self._number + 1
-        self._reports += [(now + link.delay_s, r) for r in reports if link.arrives(r.name, "report", self._number)]
+        for report in reports:
+            if report.name not in self._registered:  # whom nobody knows of, others would be granted to drive into
+                self._registered.add(report.name)
+                self._reports.append((now, report))
+            elif link.arrives(report.name, "report", self._number):
+                self._reports.append((now + link.delay_s, report))
         arrived = [report for due, report in self._reports if due <= now + _EPSILON]
         self._reports = [each for each in self._reports if each[0] > now + _EPSILON]
         latest: dict[str, RobotReport] = {}

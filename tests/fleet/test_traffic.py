@@ -292,6 +292,13 @@ def test_lost_and_late_messages_make_robots_wait_not_touch(rule: str) -> None:
     assert not result.contacts
 
 
+def test_a_robot_whose_first_messages_are_lost_is_known_to_stand_where_it_is() -> None:
+    # the first report of robot_7 in its way was lost, and robot_5 drove into it
+    result = drive(CASES["door"](504), "reservation", seed=504, link=Communication(0.5, 0.3, 504), until=600.0)
+    assert result.done, result.reasons
+    assert not result.contacts
+
+
 def test_messages_are_lost_by_name_and_number() -> None:
     link = Communication(dropout=0.3, seed=4)
     share = sum(link.arrives("a", "report", k) for k in range(2000)) / 2000
