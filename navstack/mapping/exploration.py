@@ -31,6 +31,9 @@ GOAL_TIME_LIMIT_S: Final = 120.0
 PADDING_M: Final = 0.1
 """`footprint_padding` of the global costmap (m)."""
 _COMPLETE: Final = "nothing that the robot can reach is unknown"
+_KNOWN_SHARE: Final = 0.99
+"""Share of the space in reach from which a world is explored, though the robot did not get to some frontiers: they are corners
+behind which hardly anything is, or noise at the edge of the map."""
 
 
 def overrides_for_exploration() -> list[str]:
@@ -117,6 +120,8 @@ class Exploration:
         """The frontiers of the last map."""
         self.ended = ""
         """Why the exploration ended; empty while it goes on."""
+        self.is_exhausted = False
+        """Whether it ended by itself: each frontier was seen, or tried as often as it is worth."""
         self._current: tuple[float, Frontier] | None = None
         self._tries: list[tuple[float, float, str, int]] = []
         """Frontiers (m) to which a goal failed or changed nothing, why, and for how many tries that counts."""
@@ -205,6 +210,7 @@ class Exploration:
         if following is None or tries >= _TRIES:
             if not run.goals.under_way:
                 failed = sum(1 for _, _, f in reached if self._not_reached(f))
+                self.is_exhausted = True
                 self.stop(f"{failed} frontiers remain that the robot did not get to" if failed else _COMPLETE)
             else:
                 run.interact(Cancel(time=run.robot.time))
@@ -262,6 +268,7 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
     reachable = reachable_cells(exploration.scenario, world)
     iy, ix = np.nonzero(reachable)
     known = _values_at(grid, _centers(world, iy, ix)) == 0
+    share = float(known.mean()) if len(iy) else math.nan
     walls = _centers(grid, *np.nonzero(grid.data == 100))
     distance = np.asarray(_image.distance_transform_edt(world.data != 100))
     at = _cells_of(world, walls)
@@ -272,12 +279,13 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
     resolution = grid.geometry.resolution
     return {
         "ended": exploration.ended,
+        "complete": exploration.is_complete or (exploration.is_exhausted and share >= _KNOWN_SHARE),
         "time_s": run.robot.time,
         "distance_m": run.path_length,
         "contacts": len(run.robot.collisions),
         "free_m2": float((grid.data == 0).sum()) * resolution**2,
         "reachable_m2": float(len(iy)) * world.geometry.resolution**2,
-        "reachable_known": float(known.mean()) if len(iy) else math.nan,
+        "reachable_known": share,
         "walls_within_a_cell": exact,
         "position_error_m": truth.distance_to(estimate),
         "keyframes": exploration.mapper.keyframes,

@@ -178,8 +178,9 @@ class Mapper:
         self.calibration: Calibration | None = None
         """Of the odometry, by the refinement."""
         self._poses: NDArray[np.float64] = np.empty((64, 3))
-        self._lengths: list[float] = []
-        self._middles: list[tuple[float, float]] = []
+        self._links = array("d")
+        """Nodes and length of every edge (i, j, m): an array, because all of it is used at each keyframe near a known place."""
+        self._middles = array("d")
         self._travelled: list[float] = []
         self._last: tuple[float, Transform2D | None] | None = None
         self._moved = Transform2D()
@@ -311,8 +312,8 @@ class Mapper:
             "unsolved": self._unsolved,
             "tried_at": self._tried_at if math.isfinite(self._tried_at) else None,
             "travelled": self._travelled,
-            "lengths": self._lengths,
-            "middles": self._middles,
+            "lengths": self._links[2::3].tolist(),
+            "middles": self._middles.tolist(),
         }
 
     def restore(self, poses: NDArray[np.float64], edges: list[Edge], state: dict[str, Any]) -> None:
@@ -326,8 +327,10 @@ class Mapper:
         self._intervals.extend(state["intervals"])
         self._unsolved = state["unsolved"]
         self._tried_at = -math.inf if state["tried_at"] is None else state["tried_at"]
-        self._travelled, self._lengths = state["travelled"], state["lengths"]
-        self._middles = [(x, y) for x, y in state["middles"]]
+        self._travelled, self._middles = state["travelled"], array("d", np.ravel(state["middles"]).tolist())
+        self._links = array("d")
+        for edge, length in zip(edges, state["lengths"], strict=True):
+            self._links.extend((edge.i, edge.j, length))
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
@@ -410,7 +413,7 @@ class Mapper:
         driven = self._driven if guessed is None else relative
         k = self._add_keyframe(stamp, scan, sensor, pose)
         self.graph.edges.append(Edge(last, k, relative, edge_information(match.hessian, pose.yaw, EDGE_FLOOR)))
-        self._lengths.append(math.hypot(relative.x, relative.y) + 0.3 * abs(relative.yaw))
+        self._links.extend((last, k, math.hypot(relative.x, relative.y) + 0.3 * abs(relative.yaw)))
         self.steps.append(Step(k, stamp, driven, relative, sigma, match.response if fits else math.nan))
         decided = self._close_loops(k) if p.do_loop_closing else ()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
@@ -453,7 +456,7 @@ class Mapper:
         self._poses[k] = pose
         self.graph.poses = self._poses[: k + 1]
         surface = self.keyframes.surface(k, self.params.max_laser_range)
-        self._middles.append((float(surface[:, 0].mean()), float(surface[:, 1].mean())))
+        self._middles.extend((float(surface[:, 0].mean()), float(surface[:, 1].mean())))
         step = 0.0 if k == 0 else math.hypot(*(self._poses[k, :2] - self._poses[k - 1, :2]))
         self._travelled.append(self.travelled + step)
         self._moved = self._matched = self._driven = Transform2D()
@@ -501,7 +504,7 @@ class Mapper:
         end = k - p.scan_buffer_size
         if end < 1 or self.travelled - self._tried_at < 0.5:
             return []
-        poses, middles = self.graph.poses, np.array(self._middles)
+        poses, middles = self.graph.poses, np.array(self._middles).reshape(-1, 2)
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x = poses[:, 0] + c * middles[:, 0] - s * middles[:, 1]
         y = poses[:, 1] + s * middles[:, 0] + c * middles[:, 1]
@@ -526,9 +529,9 @@ class Mapper:
         from scipy.sparse.csgraph import dijkstra
 
         n = len(self.keyframes)
-        i = np.array([edge.i for edge in self.graph.edges])
-        j = np.array([edge.j for edge in self.graph.edges])
-        links = coo_matrix((np.array(self._lengths) + 1e-3, (i, j)), (n, n)).tocsr()
+        table = np.array(self._links).reshape(-1, 3)
+        i, j = table[:, :2].astype(np.int64).T
+        links = coo_matrix((table[:, 2] + 1e-3, (i, j)), (n, n)).tocsr()
         return np.asarray(dijkstra(links, directed=False, indices=k))
 
     def _scene(self, k: int) -> Scene:
@@ -579,19 +582,20 @@ class Mapper:
 
     def _accept(self, loops: list[Loop]) -> list[Loop]:
         """Add loops that confirm each other to the graph, unless the way between them then contradicts its matches."""
-        edges, lengths = len(self.graph.edges), len(self._lengths)
+        edges = len(self.graph.edges)
         poses, unsolved = self.graph.poses.copy(), self._unsolved
         for loop in loops:
             self.pending.remove(loop)
             self.graph.edges.append(Edge(loop.place, loop.keyframe, loop.measured, loop.information, True))
-            self._lengths.append(math.hypot(loop.measured.x, loop.measured.y))
+            self._links.extend((loop.place, loop.keyframe, math.hypot(loop.measured.x, loop.measured.y)))
         numbers = [loop.keyframe for loop in loops]
         large = any(math.hypot(x, y) > 0.05 or abs(yaw) > 0.01 for x, y, yaw in (loop.correction for loop in loops))
         self._unsolved += len(loops)
-        if large or self._unsolved > 20:
+        # of a long mapping, more wait: each solution takes time by the size of the graph
+        if large or self._unsolved > max(20, len(self.keyframes) // 50):
             worst = self._solve()
             if worst > 5.0:
-                del self.graph.edges[edges:], self._lengths[lengths:]
+                del self.graph.edges[edges:], self._links[3 * edges :]
                 self._poses[: len(poses)] = poses
                 self._unsolved, self._local = unsolved, None
                 reason = f"a match along the way would be off by {worst:.1f} standard deviations"

@@ -138,6 +138,7 @@ def test_a_robot_maps_two_rooms_and_ends() -> None:
     grid = exploration.final_map()
     report = exploration_report(exploration, grid)
     assert exploration.is_complete, exploration.ended
+    assert report["complete"]
     assert report["contacts"] == 0
     assert report["reachable_known"] > 0.99
     assert report["walls_within_a_cell"] > 0.95
@@ -157,6 +158,8 @@ def test_it_ends_in_time_and_says_so() -> None:
         pass
     assert exploration.ended == "the time limit of 2 s"
     assert not exploration.is_complete
+    assert not exploration.is_exhausted
+    assert not exploration_report(exploration, exploration.final_map())["complete"]
     assert all(left.reason for left in exploration.left())
 
 
