@@ -556,7 +556,7 @@ class FleetRun:
             self._radii[number],
             goal,
             member.priority,
-            True,
+            battery is None or battery.charge > 0.0,
             self.time,
             1.0 if battery is None else battery.charge,
         )

@@ -397,9 +397,10 @@ class Dispatcher:
         self._stopped = True
 
     def keeps(self, member: MemberRun) -> bool:
-        """Return whether a robot stands at a stop or a charger, and must not make way."""
-        errand = next(worker.errand for worker in self._workers if worker.member is member)
-        return errand is not None and errand.phase == "standing"
+        """Return whether a robot stands at a stop or a charger, or is empty, and must not or cannot make way."""
+        worker = next(worker for worker in self._workers if worker.member is member)
+        empty = worker.charge is not None and worker.charge <= 0.0
+        return empty or (worker.errand is not None and worker.errand.phase == "standing")
 
     def update(self, now: float) -> None:
         """Take the reports of the robots, and give them what to do."""
