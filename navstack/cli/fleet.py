@@ -27,7 +27,7 @@ from navstack.fleet import run_fleet, warm_up_fleet
 from navstack.plot import plot_fleet, plot_run
 
 if TYPE_CHECKING:
-    from navstack.fleet import Fleet, FleetResult
+    from navstack.fleet import Fleet, FleetResult, TaskReport
 
 _SHOWN: Final = 12
 """Lines of a kind that are printed; summary.json has all."""
@@ -97,11 +97,13 @@ def _print(result: FleetResult, files: dict[str, Any]) -> None:
         if robot.fault:
             out.print(f"{escape(robot.name)} [bold red]{escape(robot.fault)}[/]")
         for goal in robot.run.goals:
-            if not goal.succeeded:
+            if not goal.succeeded and result.tasks is None:
                 out.print(f"{escape(robot.name)}, goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(reason_of(goal))}")
         for condition in robot.run.conditions:
             if not condition.holds and condition.condition not in _IN_TABLE:
                 out.print(f"{escape(robot.name)}: {condition.condition} [bold red]not met[/]: {escape(condition.text)}")
+    if result.tasks is not None:
+        _print_tasks(out, result.tasks)
     _print_first(out, [f"[bold red]contact[/]: {escape(str(contact))}" for contact in result.contacts], "contacts")
     events = [f"[yellow]traffic[/] at {event.time:.1f} s: {escape(event.text)}" for event in result.events]
     _print_first(out, events, "events of the traffic")
@@ -124,6 +126,38 @@ def _print(result: FleetResult, files: dict[str, Any]) -> None:
     )
 
 
+def _print_tasks(out: Any, report: TaskReport) -> None:
+    """Print which tasks failed, were returned or came late, and the figures of the fleet."""
+    failed = [
+        f"{escape(task.task.name)} [bold red]failed[/]: {escape(task.reason)}"
+        for task in report.tasks
+        if task.state == "failed"
+    ]
+    returned = [
+        f"{escape(task.task.name)} was [yellow]returned[/]: {escape('; '.join(task.returns))}"
+        for task in report.tasks
+        if task.returns and task.state != "failed"
+    ]
+    late = [f"{escape(task.task.name)} was [yellow]late[/]" for task in report.tasks if task.is_late]
+    for lines, what in ((failed, "failed tasks"), (returned, "returned tasks"), (late, "late tasks")):
+        _print_first(out, lines, what)
+    figures, done = report.as_dict(), report.count("done")
+    waiting, completion, fair = figures["waiting_s"], figures["completion_s"], figures["fairness"]
+    style = "green" if report.all_done else "bold red"
+    text = (
+        f"tasks by {report.assignment}: [{style}]{done} of {len(report.tasks)} done[/], {report.throughput_per_h:.0f}/h"
+    )
+    if waiting["mean"] is not None:
+        text += f"; waiting {waiting['mean']:.1f} s (p95 {waiting['p95']:.1f} s)"
+    if completion["mean"] is not None:
+        text += f", done after {completion['mean']:.1f} s (p95 {completion['p95']:.1f} s)"
+    out.print(text)
+    out.print(
+        f"robots with a task {report.utilization:.0%} of the time; fairness {fair['distance']:.2f} by distance, "
+        f"{fair['tasks']:.2f} by tasks; {figures['energy_wh']:.1f} Wh"
+    )
+
+
 def _print_first(out: Any, lines: list[str], what: str) -> None:
     for line in lines[:_SHOWN]:
         out.print(line)
@@ -138,18 +172,23 @@ def _example(result: FleetResult, files: dict[str, Any]) -> str:
 
 def _table(result: FleetResult) -> Any:
     right = ("finished", "driven", "waiting", "contacts", "nearest")
-    table = titled_table("robots", left=("robot", "goals"), right=right)
+    loads = {} if result.tasks is None else {load.name: load for load in result.tasks.robots}
+    charge = any(load.charge is not None for load in loads.values())
+    table = titled_table(
+        "robots", left=("robot", "tasks" if loads else "goals"), right=(*right, "charge") if charge else right
+    )
     for robot in result.robots:
-        goals = robot.run.goals
+        goals, load = robot.run.goals, loads.get(robot.name)
         reached = sum(goal.succeeded for goal in goals)
         style = "green" if reached == len(goals) else "bold red"
         table.add_row(
             escape(robot.name),
-            f"[{style}]{reached}/{len(goals)}[/]",
+            f"[{style}]{reached}/{len(goals)}[/]" if load is None else str(load.tasks),
             f"{robot.finished_s:.1f} s",
             f"{robot.run.metrics.length_m:.1f} m",
             f"{robot.waiting_s:.1f} s",
             str(len(robot.contacts)),
             f"{robot.nearest.distance_m:.2f} m" if robot.nearest.robot else "-",
+            *([f"{load.charge:.0%}" if load is not None and load.charge is not None else "-"] if charge else []),
         )
     return table

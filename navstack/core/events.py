@@ -10,7 +10,8 @@ from typing import Any, Protocol
 class Event:
     """An event at `time` (s).
 
-    `kind` is one of: goal, status, feedback, plan, plan_failed, control_failed, state, recovery, warning, info.
+    `kind` is one of: goal, status, feedback, plan, plan_failed, control_failed, state, recovery, warning, info,
+    docking, task.
     `text` is for users, `data` for programs. `data` must be reproducible: no wall-clock times.
     """
 

@@ -73,7 +73,7 @@ class TimelineEntry:
     begin: float
     end: float
     kind: str
-    """goal, plan, plan_failed, control_failed, recovery, docking, lost, stuck, collision, warning, info, cancel or end."""
+    """task, goal, plan, plan_failed, control_failed, recovery, docking, lost, stuck, collision, warning, info, cancel or end."""
     text: str
     count: int = 1
     """Number of events that the line stands for."""
@@ -575,6 +575,7 @@ def _believed_line(
 _REDUNDANT = ("Got new plan", "Goal reached", "Aborting because")
 """Beginnings of messages that other lines replace."""
 _ORDER = (
+    "task",
     "goal",
     "info",
     "cancel",
@@ -596,6 +597,7 @@ def timeline_of(
 ) -> tuple[TimelineEntry, ...]:
     """Return all lines by time; `poses` (n, 3) are those of the goal's control cycles."""
     lines = [_sent(record, report)]
+    lines += _given(record, report)
     lines += _cancels(events)
     lines += plan_lines(events)
     lines += failure_lines(record, events)
@@ -614,6 +616,12 @@ def timeline_of(
     ]
     lines.sort(key=lambda line: (line.begin, _ORDER.index(line.kind)))
     return (*lines, _end(report))
+
+
+def _given(record: Record, report: GoalReport) -> list[TimelineEntry]:
+    """Return why the robot of a fleet got the task of this goal: the last such event before it."""
+    given = [event for event in record.events if event.kind == "task" and event.time <= report.sent]
+    return [TimelineEntry(e.time, e.time, "task", e.text, data=dict(e.data)) for e in given[-1:]]
 
 
 def _sent(record: Record, report: GoalReport) -> TimelineEntry:

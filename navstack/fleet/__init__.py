@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.fleet.assignment import Task as Task
     from navstack.fleet.drive import GuidedDrive as GuidedDrive
     from navstack.fleet.file_reader import check_fleet as check_fleet
     from navstack.fleet.file_reader import load_fleet as load_fleet
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
     from navstack.fleet.run import replay_member as replay_member
     from navstack.fleet.run import run_fleet as run_fleet
     from navstack.fleet.run import warm_up_fleet as warm_up_fleet
+    from navstack.fleet.tasks import Charger as Charger
+    from navstack.fleet.tasks import ChargingParams as ChargingParams
+    from navstack.fleet.tasks import TaskParams as TaskParams
+    from navstack.fleet.tasks import TaskPlan as TaskPlan
+    from navstack.fleet.tasks import TaskReport as TaskReport
     from navstack.fleet.traffic import Communication as Communication
     from navstack.fleet.traffic import Grant as Grant
     from navstack.fleet.traffic import RobotReport as RobotReport

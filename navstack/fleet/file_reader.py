@@ -11,6 +11,7 @@
     communication: {delay: 0.1, dropout: 0.05}
     faults:
       - {time: 20.0, robot: west, kind: dies}                      # or lost, pushed, silent
+    tasks: [{stops: [office_1, office_2]}]                         # for robots with nothing else to do, see `task_file`
 
 A robot has the keys of a scenario that are its own; its `set` and `sim` override those of the file.
 """
@@ -30,6 +31,7 @@ from navstack.bringup import true_footprint
 from navstack.core import NavError, short_repr
 from navstack.fleet.fleet import FAULT, FAULT_KINDS, Fleet, FleetRobot, robot_seed
 from navstack.fleet.recognition import shipped_fleets
+from navstack.fleet.task_file import TaskSpec, read_tasks
 from navstack.fleet.traffic import RULES, TrafficParams
 from navstack.parameters import (
     Configuration,
@@ -62,7 +64,7 @@ OWN: Final = (
 )
 """Keys of a robot that are those of a scenario."""
 _ROBOT_KEYS: Final = ("name", *OWN, "route", "priority")
-_KEYS: Final = (*SHARED, "robots", "traffic", "communication", "faults")
+_KEYS: Final = (*SHARED, "robots", "traffic", "communication", "faults", "tasks")
 _SYNONYMS: Final = {"obstacles": "shapes", "fleet": "robots", "agents": "robots", "rule": "traffic", "graph": "traffic"}
 _ROBOT_SYNONYMS: Final = {"id": "name", "robot": "params", "goal": "goals", "pose": "start", "nodes": "route"}
 _EXAMPLE: Final = "{name: robot_1, start: [1.0, 2.0, 0.0], goals: [[5.0, 2.0, 0.0]]}"
@@ -96,6 +98,7 @@ class FleetSpec:
     traffic: dict[str, Any] = field(default_factory=dict[str, Any])
     graph: RouteGraph | None = None
     faults: tuple[Any, ...] = ()
+    tasks: TaskSpec | None = None
 
     def build(
         self,
@@ -119,7 +122,11 @@ class FleetSpec:
             key = repr([plain(s) if isinstance(s, (DictNode, ListNode, ScalarNode)) else s for s in sources])
             if key not in loaded:
                 given = distro or robot.spec.distro, allow_missing or robot.spec.allow_missing
-                loaded[key] = load_configuration(sources, overrides=overrides, distro=given[0], allow_missing=given[1])
+                options: dict[str, Any] = {"overrides": overrides, "distro": given[0], "allow_missing": given[1]}
+                loaded[key] = load_configuration(sources, **options)
+                chargers = None if self.tasks is None else self.tasks.charging_places(loaded[key], self.graph)
+                if chargers is not None:
+                    loaded[key] = load_configuration([*sources, chargers], **options)
             scenario = robot.spec.build(
                 params=params,
                 overrides=overrides,
@@ -136,7 +143,8 @@ class FleetSpec:
             FleetRobot(robot.name, scenario, robot.priority, robot.route)
             for robot, scenario in zip(self.robots, made, strict=True)
         ]
-        return Fleet(tuple(robots), seed, self.name or self.path.stem, self.faults, self.traffic, self.graph)
+        tasks = None if self.tasks is None else self.tasks.build(seed, robots[0].scenario.configuration)
+        return Fleet(tuple(robots), seed, self.name or self.path.stem, self.faults, self.traffic, self.graph, tasks)
 
     def _overlaps(self, scenarios: Sequence[Scenario]) -> list[Finding]:
         """Return an error for each robot that overlaps an earlier one at the start."""
@@ -216,6 +224,9 @@ def _read(path: Path, shown: str | None) -> tuple[FleetSpec, list[Finding]]:
             context.error("wrong-value", root.items["shapes"][0], "shapes", message)
     _read_traffic(context, spec)
     _read_faults(context, spec)
+    if spec.robots:
+        context.spec.places = spec.robots[0].spec.places
+        spec.tasks = read_tasks(context, spec.graph, guided=spec.traffic.get("rule", "none") != "none")
     return spec, _unique(context.findings)
 
 

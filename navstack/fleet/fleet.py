@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from navstack.core import InputError, RecordError, short_repr
+from navstack.fleet.tasks import TaskPlan
 from navstack.plugins import ParamModel, param
 from navstack.record import Record
 from navstack.routes import RouteGraph, graph_text, parse_graph
@@ -88,6 +89,8 @@ class Fleet:
     """The rule of the traffic and its parameters: the section `traffic:` of a file without the graph."""
     graph: RouteGraph | None = None
     """What the robots with a route drive on."""
+    tasks: TaskPlan | None = None
+    """What is given to robots that have nothing else to do."""
 
     def __post_init__(self) -> None:
         """Check the names. Raises InputError."""
@@ -102,6 +105,30 @@ class Fleet:
         routed = [robot.name for robot in self.robots if robot.route]
         if routed and self.graph is None:
             raise InputError(f"{routed[0]} has a route, but the fleet has no route graph; give it one", robot=routed[0])
+        if self.tasks is not None:
+            self._check_tasks(self.tasks)
+
+    def _check_tasks(self, plan: TaskPlan) -> None:
+        twice = [name for name, count in Counter(task.name for task in plan.tasks).items() if count > 1]
+        if twice:
+            raise InputError(f'two tasks have the name "{twice[0]}"; give each its own', name=twice[0])
+        stops = [(task.name, stop) for task in plan.tasks for stop in task.stops]
+        stops += [(charger.name, charger.stop) for charger in plan.chargers]
+        guided = self.traffic.get("rule", "none") != "none"
+        for name, stop in stops:
+            if isinstance(stop, int):
+                if self.graph is None:
+                    raise InputError(
+                        f"{name} stops at node {stop}, but the fleet has no route graph; give it one", name=name
+                    )
+                self.graph.node(stop)
+            elif guided:
+                raise InputError(f"{name} stops beside the route graph, on which the traffic rule guides; name a node")
+        if not all(task.stops for task in plan.tasks):
+            raise InputError("a task has no stops; give it at least one")
+        batteries = [robot.scenario.configuration.navstack.sim.battery.capacity for robot in self.robots]
+        if plan.chargers and not any(batteries):
+            raise InputError("charging needs batteries that run low; set navstack/sim/battery/capacity (Ah)")
 
     @property
     def sorted_robots(self) -> tuple[FleetRobot, ...]:
@@ -147,6 +174,7 @@ class Fleet:
             "faults": [fault.model_dump(mode="json") for fault in self.faults],
             "traffic": dict(self.traffic),
             **graph,
+            **({} if self.tasks is None else {"tasks": self.tasks.as_dict()}),
         }
 
     @classmethod
@@ -166,6 +194,7 @@ class Fleet:
                 tuple(FAULT.validate_python(fault) for fault in data["faults"]),
                 dict(data["traffic"]),
                 parse_graph(data["graph"]) if "graph" in data else None,
+                TaskPlan.from_dict(data["tasks"]) if "tasks" in data else None,
             ), str(record.scenario["robot"])
         except (KeyError, TypeError, ValueError, IndexError, ValidationError) as exc:
             raise RecordError(f"the fleet of {record.path or 'the record'} is damaged; record the run again") from exc
@@ -198,6 +227,7 @@ def make_fleet(
     graph: RouteGraph | None = None,
     traffic: Mapping[str, Any] | None = None,
     faults: Sequence[Any] = (),
+    tasks: TaskPlan | None = None,
     name: str = "",
 ) -> Fleet:
     """Return a fleet of robots by name; the seed of each is that of the fleet with its name. Raises InputError.
@@ -216,4 +246,4 @@ def make_fleet(
         )
         for robot, scenario in scenarios.items()
     ]
-    return Fleet(tuple(robots), seed, name, tuple(faults), traffic or {}, graph)
+    return Fleet(tuple(robots), seed, name, tuple(faults), traffic or {}, graph, tasks)

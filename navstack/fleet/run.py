@@ -25,6 +25,7 @@ from navstack.core import (
 )
 from navstack.fleet.drive import GuidedDrive
 from navstack.fleet.fleet import Dies, Fleet, FleetRobot, LosesLocalization, Pushed, Silent
+from navstack.fleet.tasks import Dispatcher, TaskReport
 from navstack.fleet.traffic import (
     Communication,
     Grant,
@@ -36,7 +37,7 @@ from navstack.fleet.traffic import (
     make_rule,
 )
 from navstack.record import Record
-from navstack.scenario import Run, RunResult
+from navstack.scenario import Run, RunResult, Step
 from navstack.sim import Lockstep, Nearest, SimulatedRobot
 
 TRAFFIC_PERIOD_S: Final = 0.2
@@ -134,6 +135,8 @@ class FleetResult:
     seed: int
     events: tuple[TrafficEvent, ...] = ()
     """What the traffic control found and did: deadlocks, detours."""
+    tasks: TaskReport | None = None
+    """None for a fleet without tasks."""
 
     def robot(self, name: str) -> RobotResult:
         """Return the result of a robot. Raises InputError for an unknown name."""
@@ -144,8 +147,14 @@ class FleetResult:
 
     @property
     def succeeded(self) -> bool:
-        """True if every robot met its success conditions: by default all goals SUCCEEDED without a collision."""
-        return all(robot.run.succeeded for robot in self.robots)
+        """True if every robot met its success conditions: by default all goals SUCCEEDED without a collision.
+
+        With tasks, all of them have to be done instead of all goals reached: another robot may do what one has not.
+        """
+        if self.tasks is None:
+            return all(robot.run.succeeded for robot in self.robots)
+        conditions = [each for robot in self.robots for each in robot.run.conditions if each.condition != "goals"]
+        return self.tasks.all_done and all(condition.holds for condition in conditions)
 
     @property
     def makespan_s(self) -> float:
@@ -190,14 +199,23 @@ class FleetResult:
             "real_time_factor": self.real_time_factor,
             "seed": self.seed,
             "robots": [robot.as_dict() for robot in self.robots],
+            **({} if self.tasks is None else {"tasks": self._tasks_as_dict(self.tasks)}),
         }
+
+    def _tasks_as_dict(self, report: TaskReport) -> dict[str, Any]:
+        waits = [wait for robot in self.robots for wait in robot.waits]
+        conflicts = {"waits": len(waits), "waits_s": sum(wait.end - wait.begin for wait in waits)}
+        return {**report.as_dict(), "conflicts": {**conflicts, "contacts": len(self.contacts)}}
 
     def __str__(self) -> str:
         goals = [goal for robot in self.robots for goal in robot.run.goals]
         reached = sum(goal.succeeded for goal in goals)
         touches = "1 contact" if len(self.contacts) == 1 else f"{len(self.contacts)} contacts"
         robots = "1 robot" if len(self.robots) == 1 else f"{len(self.robots)} robots"
-        return f"{robots}, {reached}/{len(goals)} goals, makespan {self.makespan_s:.1f} s, {touches}"
+        done = f"{reached}/{len(goals)} goals"
+        if self.tasks is not None:
+            done = f"{self.tasks.count('done')}/{len(self.tasks.tasks)} tasks"
+        return f"{robots}, {done}, makespan {self.makespan_s:.1f} s, {touches}"
 
     def __repr__(self) -> str:
         return f"<FleetResult: {self}>"
@@ -242,10 +260,16 @@ class MemberRun(Run):
         velocity = self.robot.state().velocity
         return math.hypot(velocity.vx, velocity.vy) < STANDING and abs(velocity.wz) < STANDING
 
-    def tell(self, text: str) -> None:
+    def tell(self, text: str, data: dict[str, Any] | None = None, *, kind: str = "info") -> None:
         """Write an event into the record."""
         for listener in self.move_base.listeners:
-            listener.on_event(Event(self.robot.time, "info", text, {}))
+            listener.on_event(Event(self.robot.time, kind, text, data or {}))
+
+    @property
+    def believed_pose(self) -> Pose2D:
+        """Where it believes to be, in the map."""
+        robot = self.robot
+        return robot.frames.lookup(robot.map_frame, robot.odom_frame).apply(robot.state().pose)
 
     @property
     def is_idle(self) -> bool:
@@ -315,8 +339,10 @@ class FleetRun:
                     items=self._items(member, guided=guided) if member.route else None,
                 )
         self._members = list(self.runs.values())
-        self._routed = [i for i, member in enumerate(members) if member.route and guided]
+        self._routed = [i for i, member in enumerate(members) if (member.route or fleet.tasks) and guided]
         self._radii = [true_footprint(member.scenario.configuration).circumscribed_radius for member in members]
+        self.tasks = None if fleet.tasks is None else Dispatcher(self, fleet.tasks)
+        """Gives the tasks of the fleet to its robots; None without tasks."""
         self._faults = sorted(fleet.faults, key=lambda fault: (fault.time, fault.robot, fault.kind))
         self._exchanges = 0
         self._begun = False
@@ -348,14 +374,14 @@ class FleetRun:
                 self._schedule(member)
             self._events_at(0)
         busy = [member for member in self._members if member.due < _NEVER]
-        if not busy and not self._faults:
+        if not busy and not self._faults and not self._has_tasks:
             self._finish()
             return False
         self.done = False
         step = min((member.due for member in busy), default=_NEVER)
         if self._faults:
             step = min(step, self.lockstep.step_at(self._faults[0].time))
-        if self._routed:
+        if self._routed or self._has_tasks:
             step = min(step, self._next_exchange)
         step = max(step, self.lockstep.step)
         self.lockstep.advance_to(step)
@@ -384,13 +410,20 @@ class FleetRun:
         """Carry out the faults and the exchange with the traffic control that are due."""
         while self._faults and self.lockstep.step_at(self._faults[0].time) <= step:
             self._apply(self._faults.pop(0))
-        if self._routed and self._next_exchange <= step:
+        if (self._routed or self._has_tasks) and self._next_exchange <= step:
             self.lockstep.catch_up()
-            self._exchange()
+            if self.tasks is not None:
+                self.tasks.update(self.time)
+            if self._routed:
+                self._exchange()
             self._exchanges += 1
             for member in self._members:
                 if member.is_idle:
                     member.robot.scans()
+
+    @property
+    def _has_tasks(self) -> bool:
+        return self.tasks is not None and not self.tasks.is_done
 
     def catch_up(self, member: MemberRun) -> None:
         """Let a robot take over what its body has done, before something is done to it."""
@@ -404,15 +437,15 @@ class FleetRun:
             self._schedule(member)
             self.done = False
 
-    def send(self, name: str, goal: Pose2D | int) -> None:
-        """Append a goal of a robot: a pose in the map, or a node of the route graph. It may be done already.
+    def send(self, name: str, goal: Pose2D | Step | int) -> None:
+        """Append a goal of a robot: a pose in the map, a step, or a node of the route graph. It may be done already.
 
         Raises InputError for an unknown robot or node, and for a robot that has died.
         """
         member = self.run_of(name)
         if member.dead:
             raise InputError(f"{name} has died; send the goal to another robot", robot=name)
-        item: Pose2D | GuidedDrive = goal if isinstance(goal, Pose2D) else self._drive_to(goal)
+        item = self._drive_to(goal) if isinstance(goal, int) else goal
         number = self._members.index(member)
         self.catch_up(member)
         if isinstance(item, GuidedDrive) and number not in self._routed:
@@ -424,6 +457,8 @@ class FleetRun:
         """End the run: cancel all goals and finish the records."""
         self._faults.clear()
         self._routed.clear()
+        if self.tasks is not None:
+            self.tasks.stop()
         self.lockstep.catch_up()
         for member in self._members:
             member.abandon()
@@ -510,7 +545,6 @@ class FleetRun:
     def _report(self, number: int) -> RobotReport:
         member = self._members[number]
         robot, guided = member.robot, member.guided
-        believed = robot.frames.lookup(robot.map_frame, robot.odom_frame).apply(robot.state().pose)
         goal = None if guided is None else guided.goal
         if goal is None:
             waiting = member.goals.waiting[0] if member.goals.waiting else None
@@ -518,11 +552,11 @@ class FleetRun:
         battery = robot.battery_state
         return RobotReport(
             member.name,
-            believed,
+            member.believed_pose,
             self._radii[number],
             goal,
             member.priority,
-            True,
+            battery is None or battery.charge > 0.0,
             self.time,
             1.0 if battery is None else battery.charge,
             member.move_base.local_planner.limits.max_vel_trans,
@@ -531,7 +565,8 @@ class FleetRun:
     def _take_grant(self, member: MemberRun, grant: Grant) -> None:
         guided = member.guided
         if guided is None:
-            last = grant.up_to if member.due == _NEVER and len(grant.nodes) > 1 else None
+            stays = member.due < _NEVER or (self.tasks is not None and self.tasks.keeps(member))
+            last = grant.up_to if not stays and len(grant.nodes) > 1 else None
             if last is not None and member.robot.pose.distance_to(self._pose_of(last)) > self.traffic_params.reach:
                 guided = self._make_way(member, last)
         if guided is None:
@@ -594,7 +629,8 @@ class FleetRun:
             for number, member in enumerate(self._members)
         ]
         events = () if self.traffic is None else tuple(self.traffic.rule.events)
-        return FleetResult(tuple(robots), contacts, self.time, wall_s, self.fleet.seed, events)
+        tasks = None if self.tasks is None else self.tasks.report()
+        return FleetResult(tuple(robots), contacts, self.time, wall_s, self.fleet.seed, events, tasks)
 
 
 def run_fleet(

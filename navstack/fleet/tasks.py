@@ -1,0 +1,787 @@
+"""Tasks of a fleet: the queue, who drives which task, charging, and what came of it.
+
+The dispatcher works at the times of the exchange with the traffic control. It knows of a robot what that reports: a robot that is
+silent, or dead, loses its tasks to the others after `silence` seconds, and is told nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+
+from navstack.bringup import true_footprint
+from navstack.core import Pose2D
+from navstack.fleet.assignment import Bidder, Stop, Task, Ways, assign_nearest, auction, in_order, way_within
+from navstack.plugins import ParamModel, param
+from navstack.scenario import GoalOutcome, read_step
+from navstack.sim import energy_of
+
+if TYPE_CHECKING:
+    from navstack.fleet.run import FleetRun, MemberRun
+
+_NO_CURRENT_S: Final = 5.0
+"""A robot that stands at a charger for this time without a current has missed it."""
+_AT_HOME_M: Final = 0.5
+_APART_M: Final = 0.1
+"""Distance of two footprints at which one of them does not stand in the other one's charger."""
+
+
+class TaskParams(ParamModel):
+    """How tasks are given to robots."""
+
+    assignment: Literal["nearest", "auction"] = param(
+        "auction", "nearest: each task to the next free robot; auction: queues of the robots by bids"
+    )
+    objective: Literal["average", "sum", "max"] = param(
+        "average",
+        "what an auction makes small: the mean time until a task is done, the way of all robots, the longest way",
+    )
+    attempts: int = param(3, "a task that so many robots have failed has failed", ge=1)
+    silence: float = param(5.0, "a robot without a report for this time loses its tasks", unit="s", gt=0.0)
+    idle: Literal["home", "stay"] = param("home", "where a robot without a task goes: to its start, or nowhere")
+
+
+class ChargingParams(ParamModel):
+    """When robots charge."""
+
+    threshold: float = param(0.25, "a robot with less charge takes no task and goes to a charger", gt=0.0, lt=1.0)
+    resume: float = param(0.9, "charge with which it takes tasks again", gt=0.0, le=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Charger:
+    """Where one robot at a time can charge."""
+
+    name: str
+    stop: Stop
+    """Where it is: the pose of a docked robot, or where the robot drives as to a goal."""
+    dock: bool = False
+    """True for a dock of the docking server, into which the robot docks."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON data."""
+        stop = list(self.stop) if isinstance(self.stop, Pose2D) else self.stop
+        return {"name": self.name, "stop": stop, "dock": self.dock}
+
+
+@dataclass(frozen=True, slots=True)
+class TaskPlan:
+    """The tasks of a fleet, and how they are given to the robots."""
+
+    tasks: tuple[Task, ...]
+    params: TaskParams = field(default_factory=TaskParams)
+    charging: ChargingParams = field(default_factory=ChargingParams)
+    chargers: tuple[Charger, ...] = ()
+    """None: robots drive until they are empty."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON data; `from_dict` inverts it."""
+        return {
+            "tasks": [task.as_dict() for task in self.tasks],
+            "params": self.params.model_dump(mode="json"),
+            "charging": self.charging.model_dump(mode="json"),
+            "chargers": [charger.as_dict() for charger in self.chargers],
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> TaskPlan:
+        """Restore a plan. Raises KeyError, TypeError or ValueError."""
+        chargers = (
+            Charger(
+                str(each["name"]),
+                each["stop"] if isinstance(each["stop"], int) else Pose2D(*each["stop"]),
+                each["dock"],
+            )
+            for each in data["chargers"]
+        )
+        return cls(
+            tuple(Task.from_dict(task) for task in data["tasks"]),
+            TaskParams.model_validate(data["params"]),
+            ChargingParams.model_validate(data["charging"]),
+            tuple(chargers),
+        )
+
+
+# --- what came of it --------------------------------------------------------------------------------------------------
+
+State = Literal["waiting", "assigned", "running", "returned", "done", "failed"]
+
+
+@dataclass(slots=True)
+class TaskProgress:
+    """A task and what has come of it so far. Times in s; None: not yet."""
+
+    task: Task
+    state: State = "waiting"
+    """`assigned`: in the queue of `robot`; `running`: `robot` drives it; `returned`: waiting again."""
+    robot: str = ""
+    started: float | None = None
+    """When the robot that drives it, or has driven it, set out."""
+    ended: float | None = None
+    way: float = 0.0
+    """Driven for it by the robot that did it (m)."""
+    bids: dict[str, float] = field(default_factory=dict[str, float])
+    """By which `robot` got it (m); inf: no way."""
+    returns: list[str] = field(default_factory=list[str])
+    """Each time that a robot did not do it: which, and why."""
+    barred: set[str] = field(default_factory=set[str])
+    """Robots that have failed it."""
+    reason: str = ""
+    """Why it failed."""
+
+    @property
+    def waiting_s(self) -> float | None:
+        """Time from its release until its robot set out."""
+        return None if self.started is None else self.started - self.task.release
+
+    @property
+    def travel_s(self) -> float | None:
+        """Time from the robot's setting out to the end of the task."""
+        return None if self.started is None or self.ended is None else self.ended - self.started
+
+    @property
+    def completion_s(self) -> float | None:
+        """Time from its release to its end."""
+        return None if self.state != "done" or self.ended is None else self.ended - self.task.release
+
+    @property
+    def is_late(self) -> bool:
+        """True if it has a deadline and was not done by then."""
+        done = self.completion_s
+        return self.task.deadline is not None and (done is None or done > self.task.deadline)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON data."""
+        bids = {name: bid if math.isfinite(bid) else None for name, bid in sorted(self.bids.items())}
+        return {
+            **self.task.as_dict(),
+            "state": self.state,
+            "robot": self.robot or None,
+            "started_s": self.started,
+            "ended_s": self.ended,
+            "waiting_s": self.waiting_s,
+            "travel_s": self.travel_s,
+            "completion_s": self.completion_s,
+            "late": self.is_late,
+            "way_m": self.way,
+            "bids_m": bids,
+            "returns": list(self.returns),
+            "reason": self.reason or None,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class RobotLoad:
+    """What a robot had to do."""
+
+    name: str
+    tasks: int
+    """Tasks that it did."""
+    busy_s: float
+    """Time with a task."""
+    length_m: float
+    """Way in all."""
+    charges: int
+    charging_s: float
+    """Time at chargers and on the way to them."""
+    charge: float | None
+    """At the end; None without a battery that runs low."""
+    energy_wh: float
+    """By the model of the battery (`navstack/sim/battery`)."""
+    out: str
+    """Why it took no tasks any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class TaskReport:
+    """The tasks of a run and the figures of the fleet."""
+
+    tasks: tuple[TaskProgress, ...]
+    """In the order of the file."""
+    robots: tuple[RobotLoad, ...]
+    """By name."""
+    assignment: str
+    horizon_s: float
+    """When the last task ended, or the run."""
+
+    def count(self, state: State) -> int:
+        """Return the number of tasks in a state."""
+        return sum(task.state == state for task in self.tasks)
+
+    @property
+    def all_done(self) -> bool:
+        """True if every task was done."""
+        return self.count("done") == len(self.tasks)
+
+    @property
+    def throughput_per_h(self) -> float:
+        """Tasks done per hour until the last one ended."""
+        return 3600.0 * self.count("done") / self.horizon_s if self.horizon_s > 0.0 else 0.0
+
+    @property
+    def utilization(self) -> float:
+        """Share of the time until the last task ended that the robots had a task, on average."""
+        if not self.robots or self.horizon_s <= 0.0:
+            return 0.0
+        return sum(robot.busy_s for robot in self.robots) / len(self.robots) / self.horizon_s
+
+    @property
+    def late(self) -> int:
+        """Number of tasks that were not done by their deadline."""
+        return sum(task.is_late for task in self.tasks)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON data."""
+        return {
+            "assignment": self.assignment,
+            "count": len(self.tasks),
+            "done": self.count("done"),
+            "failed": self.count("failed"),
+            "late": self.late,
+            "throughput_per_h": self.throughput_per_h,
+            "waiting_s": spread(task.waiting_s for task in self.tasks),
+            "travel_s": spread(task.travel_s for task in self.tasks if task.state == "done"),
+            "completion_s": spread(task.completion_s for task in self.tasks),
+            "utilization": self.utilization,
+            "fairness": {
+                "distance": fairness([robot.length_m for robot in self.robots]),
+                "tasks": fairness([robot.tasks for robot in self.robots]),
+            },
+            "energy_wh": sum(robot.energy_wh for robot in self.robots),
+            "robots": [
+                {
+                    "name": robot.name,
+                    "tasks": robot.tasks,
+                    "busy_s": robot.busy_s,
+                    "length_m": robot.length_m,
+                    "charges": robot.charges,
+                    "charging_s": robot.charging_s,
+                    "charge": robot.charge,
+                    "energy_wh": robot.energy_wh,
+                    "out": robot.out or None,
+                }
+                for robot in self.robots
+            ],
+            "tasks": [task.as_dict() for task in self.tasks],
+        }
+
+
+def fairness(values: Sequence[float]) -> float:
+    """Return Jain's index of fairness: 1 if all values are equal, 1/n if one robot has all.
+
+    Jain, Chiu, Hawe, "A Quantitative Measure of Fairness and Discrimination for Resource Allocation in Shared Computer Systems",
+    DEC Research Report TR-301, 1984: (sum of x)^2 / (n sum of x^2).
+    """
+    squares = math.fsum(value * value for value in values)
+    return math.fsum(values) ** 2 / (len(values) * squares) if squares > 0.0 else 1.0
+
+
+def spread(values: Iterable[float | None]) -> dict[str, float | None]:
+    """Return mean and 95th percentile of the values that are known."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return {"mean": None, "p95": None}
+    return {"mean": float(np.mean(known)), "p95": float(np.percentile(known, 95.0))}
+
+
+# --- the dispatcher ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True, eq=False)
+class _Errand:
+    """What a robot does for the dispatcher: stops one after another."""
+
+    kind: Literal["task", "home", "charge"]
+    items: tuple[Any, ...]
+    """Stops, or steps of docking."""
+    since: float
+    task: TaskProgress | None = None
+    charger: _ChargerState | None = None
+    place: int = 0
+    """Of the item that is sent or under way."""
+    phase: Literal["sending", "driving", "standing"] = "sending"
+    until: float = 0.0
+    """End of the handling, or of the patience for a current (s)."""
+    outcome: int = 0
+    """Number of the goal among those of the robot."""
+    length: float = 0.0
+    """Way of the robot when it began (m)."""
+
+
+@dataclass(slots=True, eq=False)
+class _ChargerState:
+    charger: Charger
+    pose: Pose2D
+    holder: _Worker | None = None
+
+
+@dataclass(slots=True, eq=False)
+class _Worker:
+    """A robot as the dispatcher knows it."""
+
+    member: MemberRun
+    radius: float
+    """Inscribed (m)."""
+    outer: float
+    """Circumscribed (m)."""
+    home: Stop
+    pose: Pose2D
+    """That it reported last."""
+    capacity: float | None
+    charge: float | None = None
+    queue: list[TaskProgress] = field(default_factory=list[TaskProgress])
+    errand: _Errand | None = None
+    heard_at: float = 0.0
+    hears: bool = True
+    lost: bool = False
+    out: str = ""
+    available: bool = False
+    asks: float | None = None
+    """Since when it waits for a charger."""
+    missed: set[str] = field(default_factory=set[str])
+    """Names of chargers that it did not reach, or that gave no current."""
+    strayed: bool = False
+    """True if it did not get home: not again before its next task."""
+    done: int = 0
+    busy_s: float = 0.0
+    charges: int = 0
+    charging_s: float = 0.0
+
+    @property
+    def name(self) -> str:
+        return self.member.name
+
+    @property
+    def free(self) -> bool:
+        """True if it has nothing to do but to go home."""
+        return self.errand is None or self.errand.kind == "home"
+
+
+class Dispatcher:
+    """Gives tasks to the robots of a run and follows them. `update` is called at each exchange, after all robots caught up."""
+
+    def __init__(self, run: FleetRun, plan: TaskPlan) -> None:
+        self.plan, self.params = plan, plan.params
+        self.tasks = [TaskProgress(task) for task in plan.tasks]
+        """In the order of the plan."""
+        self._ordered = [self._progress(task) for task in in_order(plan.tasks)]
+        self._run, fleet = run, run.fleet
+        self._on_graph = run.traffic is not None and fleet.graph is not None
+        self._ways = Ways(fleet.sorted_robots[0].scenario.map, fleet.graph, on_graph=self._on_graph)
+        self._workers: list[_Worker] = []
+        for member in run.runs.values():
+            configuration, start = member.scenario.configuration, member.scenario.start
+            footprint = true_footprint(configuration)
+            home = self._ways.nearest_node(start) if self._on_graph else start
+            capacity = configuration.navstack.sim.battery.capacity
+            radii = footprint.inscribed_radius, footprint.circumscribed_radius
+            self._workers.append(_Worker(member, *radii, home, start, capacity))
+        self._chargers = [_ChargerState(charger, self._ways.pose(charger.stop)) for charger in plan.chargers]
+        self._changed = True
+        self._stopped = False
+        self._released = 0
+        self._ended_at = 0.0
+        self._now = 0.0
+
+    @property
+    def is_done(self) -> bool:
+        """True once every task has ended."""
+        return self._stopped
+
+    def stop(self) -> None:
+        """Give and follow no tasks any more."""
+        self._stopped = True
+
+    def keeps(self, member: MemberRun) -> bool:
+        """Return whether a robot stands at a stop or a charger, or is empty, and must not or cannot make way."""
+        worker = next(worker for worker in self._workers if worker.member is member)
+        empty = worker.charge is not None and worker.charge <= 0.0
+        return empty or (worker.errand is not None and worker.errand.phase == "standing")
+
+    def update(self, now: float) -> None:
+        """Take the reports of the robots, and give them what to do."""
+        if self._stopped:
+            return
+        self._now = now
+        released = sum(progress.task.release <= now for progress in self.tasks)
+        self._changed, self._released = self._changed or released != self._released, released
+        for worker in self._workers:
+            self._listen(worker)
+        for worker in self._workers:
+            if worker.hears:
+                self._advance(worker)
+        self._send_to_chargers()
+        for worker in self._workers:
+            available = self._is_available(worker)
+            self._changed = self._changed or available != worker.available
+            worker.available = available
+        self._give_up()
+        self._assign()
+        for worker in self._workers:
+            if worker.hears:
+                self._begin(worker)
+        if all(progress.ended is not None for progress in self.tasks):
+            self._finish()
+
+    def _finish(self) -> None:
+        """End with the last task: nobody charges for its own sake."""
+        self._stopped = True
+        for worker in self._workers:
+            if worker.errand is not None and worker.errand.kind == "charge" and worker.hears:
+                self._end(worker)
+                self._cancel(worker)
+
+    # --- what robots report -------------------------------------------------------------------------------------------
+
+    def _listen(self, worker: _Worker) -> None:
+        member, now = worker.member, self._now
+        worker.hears = not member.dead and now >= member.silent_until
+        if not worker.hears:
+            if not worker.lost and now - worker.heard_at > self.params.silence:
+                worker.lost = True
+                self._drop(worker, f"{worker.name} has not reported for {self.params.silence:g} s")
+            return
+        worker.heard_at, worker.pose = now, member.believed_pose
+        if worker.lost:
+            worker.lost = False
+            self._cancel(worker)  # others have taken over what it drives
+            self._changed = True
+        battery = member.robot.battery_state
+        worker.charge = None if battery is None or worker.capacity is None else battery.charge
+        if worker.charge is not None and worker.charge <= 0.0 and not worker.out:
+            worker.out = member.fault = f"ran empty at {now:.1f} s"
+            member.tell(f"{worker.name} {worker.out}")
+            self._drop(worker, f"{worker.name} {worker.out}")
+            self._cancel(worker)
+
+    def _drop(self, worker: _Worker, why: str) -> None:
+        """Take everything back from a robot."""
+        if worker.errand is not None and worker.errand.task is not None:
+            self._return(worker.errand.task, why)
+        self._end(worker)
+        worker.queue.clear()
+        worker.asks = None
+        for state in self._chargers:
+            if state.holder is worker:
+                state.holder = None
+        self._changed = True
+
+    def _cancel(self, worker: _Worker) -> None:
+        """Cancel the goal of a robot."""
+        if not worker.member.is_idle:
+            worker.member.abandon()
+            self._run.reschedule(worker.member)
+
+    def _return(self, progress: TaskProgress, why: str) -> None:
+        progress.returns.append(why)
+        progress.state, progress.robot, progress.started, progress.bids = "returned", "", None, {}
+        self._changed = True
+
+    def _end(self, worker: _Worker) -> None:
+        """End what a robot does, and add up its time."""
+        errand, worker.errand = worker.errand, None
+        if errand is None:
+            return
+        if errand.kind == "task":
+            worker.busy_s += self._now - errand.since
+        elif errand.kind == "charge":
+            worker.charging_s += self._now - errand.since
+        self._changed = True
+
+    # --- what robots do -----------------------------------------------------------------------------------------------
+
+    def _advance(self, worker: _Worker) -> None:
+        """Follow a robot: send the next item when it is ready, see how the last one ended, wait at stops and chargers."""
+        errand, member = worker.errand, worker.member
+        if errand is None:
+            return
+        if errand.phase == "sending":
+            if member.is_idle:
+                errand.outcome, errand.phase = len(member.outcomes), "driving"
+                self._run.send(worker.name, self._item(worker, errand.items[errand.place]))
+        elif errand.phase == "driving":
+            if member.is_idle:
+                self._arrive(worker, errand, member.outcomes[errand.outcome])
+        elif errand.kind == "charge":
+            self._charge(worker, errand)
+        elif self._now >= errand.until:
+            self._go_on(worker, errand)
+
+    def _item(self, worker: _Worker, item: Any) -> Any:
+        """Return what the robot is sent: off the graph a node is a pose, with the heading of the way there."""
+        if not isinstance(item, int) or self._on_graph:
+            return item
+        at = self._ways.pose(item)
+        near = worker.pose.distance_to(at) < worker.outer
+        return at._replace(yaw=worker.pose.yaw if near else math.atan2(at.y - worker.pose.y, at.x - worker.pose.x))
+
+    def _arrive(self, worker: _Worker, errand: _Errand, outcome: GoalOutcome) -> None:
+        if outcome.succeeded:
+            if errand.task is not None and errand.task.task.handling > 0.0:
+                errand.phase, errand.until = "standing", self._now + errand.task.task.handling
+            elif errand.charger is not None and not errand.charger.charger.dock:
+                errand.phase, errand.until = "standing", self._now + _NO_CURRENT_S
+            else:
+                self._go_on(worker, errand)
+            return
+        why = f"{worker.name}: {outcome.message or outcome.text or outcome.state}"
+        if errand.task is not None:
+            progress = errand.task
+            progress.barred.add(worker.name)
+            self._return(progress, why)
+            if len(progress.barred) >= self.params.attempts:
+                self._fail(progress, why)
+        elif errand.charger is not None:
+            self._miss(worker, errand.charger)
+        else:
+            worker.strayed = True
+        self._end(worker)
+
+    def _go_on(self, worker: _Worker, errand: _Errand) -> None:
+        """Go on to the next item of an errand, or end it."""
+        if errand.place + 1 < len(errand.items):
+            errand.place, errand.phase = errand.place + 1, "sending"
+            self._advance(worker)
+            return
+        if errand.task is not None:
+            progress = errand.task
+            progress.state, progress.ended = "done", self._now
+            progress.way = worker.member.path_length - errand.length
+            self._ended_at, worker.done = self._now, worker.done + 1
+        elif errand.kind == "charge":
+            worker.charges += 1
+        self._end(worker)
+
+    def _fail(self, progress: TaskProgress, why: str) -> None:
+        progress.state, progress.reason, progress.ended = "failed", why, self._now
+        self._ended_at = self._now
+
+    # --- charging -----------------------------------------------------------------------------------------------------
+
+    def _charge(self, worker: _Worker, errand: _Errand) -> None:
+        """Stay at a charger until there is charge enough; leave one that gives no current."""
+        battery, state = worker.member.robot.battery_state, errand.charger
+        if battery is None or battery.charge >= self.plan.charging.resume:
+            self._go_on(worker, errand)
+        elif battery.current > 0.0:
+            errand.until = self._now + _NO_CURRENT_S
+        elif self._now >= errand.until and state is not None:
+            self._miss(worker, state)
+            self._end(worker)
+
+    def _miss(self, worker: _Worker, state: _ChargerState) -> None:
+        worker.missed.add(state.charger.name)
+        worker.member.tell(f"{worker.name} does not charge at {state.charger.name}")
+        state.holder = None
+
+    def _send_to_chargers(self) -> None:
+        """Let robots with little charge ask for a charger, and send them to free ones in the order of asking."""
+        for state in self._chargers:
+            holder = state.holder
+            if holder is not None and holder.errand is not None and holder.errand.charger is state:
+                continue
+            if holder is not None and not self._stands_at(holder, state, holder):
+                state.holder = None
+        for worker in self._workers:
+            if worker.hears and worker.free and worker.asks is None and not worker.out and self._is_low(worker):
+                worker.asks = self._now
+        asking = [worker for worker in self._workers if worker.asks is not None and worker.hears and not worker.out]
+        for worker in sorted(asking, key=lambda worker: (worker.asks or 0.0, worker.name)):
+            self._send_to_charger(worker)
+
+    def _is_low(self, worker: _Worker) -> bool:
+        return bool(self._chargers) and worker.charge is not None and worker.charge < self.plan.charging.threshold
+
+    def _send_to_charger(self, worker: _Worker) -> None:
+        known = [state for state in self._chargers if state.charger.name not in worker.missed]
+        held = {state.charger.name: self._holder(worker, state) for state in known}
+        free = [
+            (way, number, state)
+            for number, state in enumerate(known)
+            if held[state.charger.name] is None
+            and math.isfinite(way := self._ways.length(worker.pose, state.charger.stop, worker.radius))
+        ]
+        if free:
+            _, _, state = min(free)
+            state.holder, worker.asks = worker, None
+            text = f"{worker.name} goes to {state.charger.name} with a charge of {worker.charge:.0%}"
+            worker.member.tell(text, {"charger": state.charger.name}, kind="task")
+            items: tuple[Any, ...] = (state.charger.stop,)
+            if state.charger.dock:
+                until = self.plan.charging.resume
+                items = read_step({"dock": state.charger.name, "until_charge": until}), read_step({"undock": True})
+            self._start(worker, _Errand("charge", items, self._now, charger=state))
+        elif all(holder is not None and (holder.lost or holder.out) for holder in held.values()):
+            names = ", ".join(f"{name} is held by {holder.name}" for name, holder in held.items() if holder is not None)
+            worker.out = worker.member.fault = f"cannot charge: {names or 'it reached no charger'}"
+            self._drop(worker, f"{worker.name} {worker.out}")
+
+    def _holder(self, worker: _Worker, state: _ChargerState) -> _Worker | None:
+        """Return the robot that another one would have to wait for at a charger."""
+        if state.holder is not None and state.holder is not worker:
+            return state.holder
+        standing = (o for o in self._workers if o is not worker and (o.errand is None or o.lost or o.out))
+        return next((other for other in standing if self._stands_at(other, state, worker)), None)
+
+    def _stands_at(self, other: _Worker, state: _ChargerState, worker: _Worker) -> bool:
+        return other.pose.distance_to(state.pose) < other.outer + worker.outer + _APART_M
+
+    # --- assignment ---------------------------------------------------------------------------------------------------
+
+    def _is_available(self, worker: _Worker) -> bool:
+        """Return whether a robot can be given tasks: it answers, works, has charge, and has done its own goals."""
+        if not worker.hears or worker.lost or worker.out or worker.asks is not None or self._is_low(worker):
+            return False
+        if worker.errand is not None:
+            return worker.errand.kind == "home" or (
+                worker.errand.kind == "task" and self.params.assignment == "auction"
+            )
+        guided = worker.member.guided
+        return worker.member.is_idle or (guided is not None and guided.goal is None)
+
+    def _open(self) -> list[TaskProgress]:
+        """Return the tasks that are to be given to a robot, or may be given to another one."""
+        return [
+            progress
+            for progress in self._ordered
+            if progress.state in ("waiting", "returned", "assigned") and progress.task.release <= self._now
+        ]
+
+    def _give_up(self) -> None:
+        """Fail the tasks that no robot can do any more."""
+        if not self._changed:
+            return
+        working = [worker for worker in self._workers if not worker.lost and not worker.out]
+        for progress in self._open():
+            able = [worker for worker in working if worker.name not in progress.barred]
+            reach = any(math.isfinite(self._way(worker, progress.task)) for worker in able)
+            if not reach:
+                last = progress.returns[-1] if progress.returns else ""
+                none = "no robot is left that could do it" if not able else "no robot has a way to it on the map"
+                for worker in self._workers:
+                    if progress in worker.queue:
+                        worker.queue.remove(progress)
+                self._fail(progress, f"{none}; {last}" if last else none)
+        if not working:  # what is released later is nobody's either
+            for progress in self._ordered:
+                if progress.ended is None:
+                    self._fail(progress, "no robot is left that could do it")
+
+    def _way(self, worker: _Worker, task: Task) -> float:
+        return self._ways.length(worker.pose, task.stops[0], worker.radius) + way_within(
+            task, worker.radius, self._ways
+        )
+
+    def _assign(self) -> None:
+        """Give the open tasks to the robots that are available."""
+        if not self._changed:
+            return
+        self._changed = False
+        by_auction = self.params.assignment == "auction"
+        waiting = self._open()
+        bidders = [self._bidder(worker, waiting) for worker in self._workers if worker.available]
+        if by_auction:
+            found = auction([p.task for p in waiting], bidders, self._ways, self.params.objective)
+        else:
+            found = assign_nearest([p.task for p in waiting], bidders, self._ways)
+        given = {task.name: name for name, queue in found.queues.items() for task in queue}
+        for progress in waiting:
+            name = given.get(progress.task.name, "")
+            if name:
+                progress.state, progress.robot, progress.bids = "assigned", name, found.bids[progress.task.name]
+            elif progress.state == "assigned":
+                progress.state, progress.robot, progress.bids = "waiting", "", {}
+        by_name = {progress.task.name: progress for progress in waiting}
+        for worker in self._workers:
+            worker.queue = [by_name[task.name] for task in found.queues.get(worker.name, ())]
+
+    def _bidder(self, worker: _Worker, waiting: Sequence[TaskProgress]) -> Bidder:
+        at, ahead = worker.pose, 0.0
+        errand = worker.errand
+        if errand is not None and errand.task is not None:
+            for stop in errand.items[errand.place :]:
+                ahead += self._ways.length(at, stop, worker.radius)
+                at = stop
+        barred = frozenset(p.task.name for p in waiting if worker.name in p.barred)
+        return Bidder(worker.name, at, worker.radius, ahead if math.isfinite(ahead) else 0.0, barred)
+
+    def _begin(self, worker: _Worker) -> None:
+        """Let a robot set out for its next task; without one, send it home."""
+        if not worker.free or not (worker.available or worker.asks is not None):
+            return
+        if worker.queue:
+            progress = worker.queue.pop(0)
+            progress.state, progress.started = "running", self._now
+            worker.strayed = False
+            stops = progress.task.stops
+            length = worker.member.path_length
+            self._tell_bids(worker, progress)
+            self._start(worker, _Errand("task", stops, self._now, task=progress, length=length))
+        elif worker.errand is None and worker.member.is_idle and not worker.strayed:
+            in_charger = any(state.holder is worker for state in self._chargers)
+            away = worker.pose.distance_to(self._ways.pose(worker.home)) > _AT_HOME_M
+            if away and (self.params.idle == "home" or in_charger):
+                worker.member.tell(f"{worker.name} goes home: no task is given to it", {}, kind="task")
+                self._start(worker, _Errand("home", (worker.home,), self._now))
+
+    def _start(self, worker: _Worker, errand: _Errand) -> None:
+        if worker.errand is not None:  # on its way home
+            self._end(worker)
+            self._cancel(worker)
+        worker.errand = errand
+        self._advance(worker)
+
+    def _tell_bids(self, worker: _Worker, progress: TaskProgress) -> None:
+        """Write into the record why the robot has got the task."""
+        task, others = progress.task, sorted(progress.bids.items(), key=lambda item: (item[1], item[0]))
+        bids = ", ".join(f"{name} {bid:.1f} m" if math.isfinite(bid) else f"{name} no way" for name, bid in others)
+        silent = [f"{w.name} {self._why_not(w, progress)}" for w in self._workers if w.name not in progress.bids]
+        what = "bids" if self.params.assignment == "auction" else "ways"
+        text = f"{task.name} is given to {worker.name}; {what}: {bids}"
+        if silent:
+            text += f"; not asked: {', '.join(silent)}"
+        worker.member.tell(text, {"task": task.name, "robot": worker.name, "bids": dict(progress.bids)}, kind="task")
+
+    def _why_not(self, worker: _Worker, progress: TaskProgress) -> str:
+        if worker.lost or not worker.hears:
+            return "does not answer"
+        if worker.out:
+            return worker.out
+        if worker.name in progress.barred:
+            return "has failed it"
+        if worker.asks is not None or (worker.errand is not None and worker.errand.kind == "charge"):
+            return "has to charge"
+        if worker.errand is not None and worker.errand.task is not None:
+            return f"drives {worker.errand.task.task.name}"
+        return "was busy" if worker.free else "is busy"
+
+    # --- the result ---------------------------------------------------------------------------------------------------
+
+    def report(self) -> TaskReport:
+        """Return what has come of the tasks so far."""
+        ended = all(task.ended is not None for task in self.tasks)
+        horizon = self._ended_at if ended else self._run.time
+        return TaskReport(tuple(self.tasks), tuple(map(self._load, self._workers)), self.params.assignment, horizon)
+
+    def _load(self, worker: _Worker) -> RobotLoad:
+        member, errand = worker.member, worker.errand
+        under_way = self._run.time - errand.since if errand is not None else 0.0
+        battery = member.scenario.configuration.navstack.sim.battery
+        return RobotLoad(
+            worker.name,
+            worker.done,
+            worker.busy_s + (under_way if errand is not None and errand.kind == "task" else 0.0),
+            member.path_length,
+            worker.charges,
+            worker.charging_s + (under_way if errand is not None and errand.kind == "charge" else 0.0),
+            worker.charge,
+            energy_of(battery, self._run.time, member.path_length),
+            worker.out or ("does not answer" if worker.lost else ""),
+        )
+
+    def _progress(self, task: Task) -> TaskProgress:
+        return next(progress for progress in self.tasks if progress.task is task)
