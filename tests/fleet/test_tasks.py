@@ -25,7 +25,7 @@ def task(name: str, *places: tuple[float, float], **values: Any) -> Task:
 
 def drive(*tasks: Task, faults: tuple[Any, ...] = (), turned: bool = False, **params: Any) -> FleetResult:
     robots = {"b": B, "a": A} if turned else {"a": A, "b": B}
-    plan = TaskPlan(tasks, TaskParams(**{"idle": "stay", "silence": 1.0, **params}))
+    plan = TaskPlan(tasks, TaskParams.model_validate({"idle": "stay", "silence": 1.0, **params}))
     return run_fleet(make_fleet(robots, tasks=plan, faults=[FAULT.validate_python(f) for f in faults]))
 
 
