@@ -7,6 +7,7 @@ silent, or dead, loses its tasks to the others after `silence` seconds, and is t
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -342,8 +343,8 @@ class _Worker:
     available: bool = False
     asks: float | None = None
     """Since when it waits for a charger."""
-    missed: set[str] = field(default_factory=set[str])
-    """Names of chargers that it did not reach, or that gave no current."""
+    missed: Counter[str] = field(default_factory=Counter[str])
+    """How often it did not reach a charger, or that gave no current, by name."""
     strayed: bool = False
     """True if it did not get home: not again before its next task."""
     done: int = 0
@@ -574,7 +575,7 @@ class Dispatcher:
             self._end(worker)
 
     def _miss(self, worker: _Worker, state: _ChargerState) -> None:
-        worker.missed.add(state.charger.name)
+        worker.missed[state.charger.name] += 1
         worker.member.tell(f"{worker.name} does not charge at {state.charger.name}")
         state.holder = None
 
@@ -597,7 +598,7 @@ class Dispatcher:
         return bool(self._chargers) and worker.charge is not None and worker.charge < self.plan.charging.threshold
 
     def _send_to_charger(self, worker: _Worker) -> None:
-        known = [state for state in self._chargers if state.charger.name not in worker.missed]
+        known = [state for state in self._chargers if worker.missed[state.charger.name] < self.params.attempts]
         held = {state.charger.name: self._holder(worker, state) for state in known}
         free = [
             (way, number, state)

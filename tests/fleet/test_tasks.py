@@ -25,7 +25,7 @@ def task(name: str, *places: tuple[float, float], **values: Any) -> Task:
 
 def drive(*tasks: Task, faults: tuple[Any, ...] = (), turned: bool = False, **params: Any) -> FleetResult:
     robots = {"b": B, "a": A} if turned else {"a": A, "b": B}
-    plan = TaskPlan(tasks, TaskParams(**{"idle": "stay", "silence": 1.0, **params}))
+    plan = TaskPlan(tasks, TaskParams.model_validate({"idle": "stay", "silence": 1.0, **params}))
     return run_fleet(make_fleet(robots, tasks=plan, faults=[FAULT.validate_python(f) for f in faults]))
 
 
@@ -102,6 +102,23 @@ def test_a_fleet_without_a_task_ends_at_once() -> None:
     assert result.simulated_s == 0.0
 
 
+@pytest.mark.slow
+def test_a_robot_with_little_charge_charges_before_its_next_task(tmp_path: Path) -> None:
+    file = tmp_path / "fleet.yaml"
+    file.write_text(
+        "map: office\nsim: {battery: {capacity: 0.04, charge: 0.5}}\nrobots: [{name: a, start: [4.0, 7.4, 0.0]}]\n"
+        "tasks:\n  list: [{goal: [6.0, 7.4, 0.0]}, {goal: [8.0, 7.4, 0.0], release: 6.0}]\n"
+        "  charging: {threshold: 0.48, resume: 0.7, places: [[7.0, 7.4, 0.0]]}\n"
+    )
+    result = run_fleet(load_fleet(file))
+    assert result.tasks is not None
+    assert result.tasks.all_done
+    assert result.tasks.robots[0].charges == 1
+    second = result.tasks.tasks[1].started
+    assert second is not None
+    assert second >= 6.0 + 3600.0 * 0.04 * 0.2 / 4.0  # no charger gives more than 4 A
+
+
 GOOD = """\
 map: office
 robots: [{name: a, start: corridor_west}]
@@ -125,9 +142,9 @@ def test_tasks_are_read_and_drawn_by_the_seed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "right", "message"),
     [
-        ("handling", "handlin", '4:40: task 1 has no key "handlin"; did you mean handling?'),
+        ("handling", "handlingg", '4:40: task 1 has no key "handlingg"; did you mean handling?'),
         ("office_2", "offic_2", '4:29: stop 2 of task 1 "offic_2" is not a known place; did you mean office_2?'),
-        ("generate:", "generat:", '5:3: tasks has no key "generat"; did you mean generate?'),
+        ("generate:", "generates:", '5:3: tasks has no key "generates"; did you mean generate?'),
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(tmp_path: Path, wrong: str, right: str, message: str) -> None:
