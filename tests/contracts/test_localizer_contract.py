@@ -15,7 +15,12 @@ for entry in LOCALIZERS:
 
 
 def test_names_of_the_built_in_localizers() -> None:
-    assert {e.name for e in LOCALIZERS if e.origin == "navstack"} == {"amcl", "dead_reckoning", "mapping", "scan_matching"}
+    assert {e.name for e in LOCALIZERS if e.origin == "navstack"} == {
+        "amcl",
+        "dead_reckoning",
+        "mapping",
+        "scan_matching",
+    }
     for alias in ("amcl/amcl", "nav2_amcl/AmclNode", "nav2_amcl::AmclNode"):
         assert LOCALIZERS.get(alias).cls is Amcl
     with pytest.raises(UnknownPluginError, match='did you mean "amcl"'):

@@ -79,7 +79,7 @@ def test_a_bag_in_a_loop(tmp_path: Path) -> None:
         for program in (record, sim):
             program.send_signal(signal.SIGINT)
             program.wait(TIMEOUT_S)
-        player = graph.start("/usr/bin/rosbag", "play", "--quiet", "--clock", "--hz", "50", "-r", "2", "-l", str(bag))
+        player = graph.start("/usr/bin/rosbag", "play", "--quiet", "--clock", "--hz", "50", "-l", str(bag))
         params = str(ROOT / "params" / "turtlebot")
         node = graph.node("move_base", "--params", params)
         client = graph.start(PYTHON, "-c", CLIENT, str(out))
