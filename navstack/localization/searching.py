@@ -217,7 +217,7 @@ _FAR_M = 0.3
 """Distance to the pose next to the estimate that explains the scan better, from which it is not certain either (m)."""
 _OFF_M = 0.2
 """The same from which the scan is matched around the estimate (m)."""
-_NATS = 3.0
+_NATS = 1.0
 """The estimate is moved to a matched pose whose likelihood is greater by this much (natural logarithm)."""
 _HANDED = np.diag([0.05**2, 0.05**2, 0.03**2])
 """Added to the covariance of a hypothesis that is handed to the tracker (m², rad²)."""
