@@ -34,7 +34,10 @@ class OdometryHistory:
         self._poses: deque[Transform2D] = deque(maxlen=HISTORY)
 
     def add(self, stamp: float, pose: Transform2D) -> None:
-        """Append the pose at `stamp` (s), which is not older than the last."""
+        """Append the pose at `stamp` (s); poses that are not older are dropped: a scan was repeated, or time began again."""
+        while self._stamps and self._stamps[-1] >= stamp:
+            self._stamps.pop()
+            self._poses.pop()
         self._stamps.append(stamp)
         self._poses.append(pose)
 
@@ -176,6 +179,7 @@ class Amcl(Localizer):
             return None
         if self._pending is not None:
             self._begin()
+            self._inputs.stamps[scan.frame] = scan.stamp
         first = self._last is None
         self._move(odometry, first)
         resampled = False
@@ -253,6 +257,8 @@ class Amcl(Localizer):
         self._restart()
 
     def _restart(self) -> None:
+        # the scan to which the new pose belongs may be given once more: without it, the motion up to the next one would be lost
+        self._inputs.stamps = dict.fromkeys(self._inputs.stamps, -math.inf)
         self._last = None
         self._updates = 0
 

@@ -6,14 +6,14 @@ import dataclasses
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import InputError, LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization.global_search import Beams, MatchMap, continuity, scan_beams
-from navstack.localization.hypotheses import MatchSettings, agreement, refine
+from navstack.localization.hypotheses import Frame, Hypotheses, MatchSettings, agreement, refine
 from navstack.localization.inputs import InputCheck
 from navstack.localization.scan_matcher import ScanMatcher
 from navstack.parameters import LostParams, ScanMatcherParams, SearchingParams
@@ -26,7 +26,7 @@ from navstack.plugins import LocalizationStatus, Localizer, ParamModel, PoseEsti
 _PROFILE: Final = 180
 """Beams of the scan before."""
 _LARGEST_STEP_M: Final = 0.5
-"""After a larger step, scans are not compared: too much that was hidden is seen."""
+"""After a larger step, scans are not compared with each other: too much that was hidden is seen."""
 _LARGEST_STEP_RAD: Final = 0.8
 
 
@@ -65,6 +65,18 @@ class Agreement:
         )
 
 
+class Match(NamedTuple):
+    """The pose around a believed one that explains a scan best."""
+
+    pose: Pose2D
+    covariance: NDArray[np.float64]
+    """(3, 3), m and rad."""
+    explained: float
+    """Share of the returns that the map explains."""
+    gain: float
+    """Logarithm of the likelihood, less that of the believed pose."""
+
+
 class LostDetector:
     """Sums evidence against the believed pose (CUSUM: Page, Continuous Inspection Schemes, Biometrika 1954).
 
@@ -79,9 +91,9 @@ class LostDetector:
     def __init__(self, match_map: MatchMap | OccupancyGrid, params: LostParams | None = None) -> None:
         self.params = params or LostParams()
         self.map = match_map if isinstance(match_map, MatchMap) else MatchMap(match_map)
-        settings = MatchSettings()
-        self._match = settings.match(self.map.resolution, 0.2, 0.1)
-        self._agree = settings.agree(self.map.resolution)
+        self._settings = MatchSettings()
+        self._match = self._settings.match(self.map.resolution, 0.2, 0.1)
+        self._agree = self._settings.agree(self.map.resolution)
         self._last: Agreement | None = None
         self._began: float | None = None
         self._before: tuple[Beams, Transform2D] | None = None
@@ -106,10 +118,11 @@ class LostDetector:
         """Compare a scan with the map from the believed `pose` of the base (map frame) at its stamp.
 
         With `odometry`, the pose of the base in the odometry frame, it is compared with the scan before as well. Returns the last
-        result for a scan that does not count: too soon, or with hardly a return.
+        result for a scan that does not count: too soon without a large step, or with hardly a return.
         """
         p, last = self.params, self._last
-        if last is not None and 0.0 <= scan.stamp - last.stamp < p.lost_interval - 1e-6:
+        soon = last is not None and 0.0 <= scan.stamp - last.stamp < p.lost_interval - 1e-6
+        if soon and not self.has_stepped(odometry):
             return last
         every = scan_beams(scan, sensor, self.map.reach)
         beams = every.thinned(p.lost_beams)
@@ -142,15 +155,31 @@ class LostDetector:
             return 0.0
         return self._explained(pose, beams)[0][0]
 
+    def matched(self, pose: Pose2D, scan: LaserScan, sensor: Transform2D) -> Match | None:
+        """Return the pose within 0.9 m and 0.6 rad of the believed `pose` that explains the scan best; None without returns."""
+        beams = scan_beams(scan, sensor, self.map.reach).thinned(self.params.lost_beams)
+        if not pose.is_finite() or len(beams.points) == 0:
+            return None
+        around = Hypotheses(self.map, self._settings, window=2)
+        around.start(pose, np.eye(3))
+        believed = np.zeros((1, 4))
+        agreement(around.poses, beams.ends, beams.eye, self.map.field, self._agree, believed)
+        around.advance(Frame(Transform2D(), beams))
+        best = Pose2D(*self.map.to_map(around.poses)[0].tolist())
+        gain = float(around.logs[0] - believed[0, 0])
+        return Match(best, around.covariance(0), float(around.explained[0]), gain)
+
     def _continuity(self, every: Beams, beams: Beams, odometry: Transform2D | None) -> float | None:
         """Compare the beams with the scan before; None without odometry, and after a step too large for a comparison."""
         before, self._before = self._before, None if odometry is None else (every.thinned(_PROFILE), odometry)
         if before is None or odometry is None:
             return None
         step = before[1].inverse() @ odometry
-        if math.hypot(step.x, step.y) > _LARGEST_STEP_M or abs(step.yaw) > _LARGEST_STEP_RAD:
-            return None
-        return continuity(before[0], beams, step)
+        return None if _is_large(step) else continuity(before[0], beams, step)
+
+    def has_stepped(self, odometry: Transform2D | None) -> bool:
+        """Return True if the robot has moved so far since the last scan that counted that the two are not comparable."""
+        return odometry is not None and self._before is not None and _is_large(self._before[1].inverse() @ odometry)
 
     def _explained(self, pose: Pose2D, beams: Beams) -> tuple[list[float], float]:
         """Return the shares (explained, unexpected, through) from the pose or one next to it, and the distance to that (m)."""
@@ -161,6 +190,10 @@ class LostDetector:
         agreement(both, beams.ends, beams.eye, self.map.field, self._agree, found)
         best = int(found[1, 1] > found[0, 1])
         return found[best, 1:].tolist(), float(np.hypot(*(both[best, :2] - believed[:2]))) if best else 0.0
+
+
+def _is_large(step: Transform2D) -> bool:
+    return math.hypot(step.x, step.y) > _LARGEST_STEP_M or abs(step.yaw) > _LARGEST_STEP_RAD
 
 
 SURE_M: Final = 0.5
@@ -182,6 +215,10 @@ _DOUBT = 0.25
 """Share of `lost_evidence` from which an estimate is not certain any more: driving with a right pose does not reach it."""
 _FAR_M = 0.3
 """Distance to the pose next to the estimate that explains the scan better, from which it is not certain either (m)."""
+_OFF_M = 0.2
+"""The same from which the scan is matched around the estimate (m)."""
+_NATS = 1.0
+"""The estimate is moved to a matched pose whose likelihood is greater by this much (natural logarithm)."""
 _HANDED = np.diag([0.05**2, 0.05**2, 0.03**2])
 """Added to the covariance of a hypothesis that is handed to the tracker (m², rad²)."""
 
@@ -220,6 +257,8 @@ class SearchingLocalizer(Localizer):
         self._before: Transform2D | None = None
         """map -> odom before the search of a lost robot."""
         self._estimate: PoseEstimate | None = None
+        self._corrected_explained: float | None = None
+        """Share of the last scan that the estimate explains, if the scan corrected it."""
         self._accepted: PoseEstimate | None = None
         """The tracker's last estimate that was accepted."""
         self.alarms: list[Agreement] = []
@@ -243,7 +282,7 @@ class SearchingLocalizer(Localizer):
         self._require_map().reset()
         self._inputs.stamps.clear()
         self._searching = self._globally = self._unconfirmed = False
-        self._handed, self._estimate, self._accepted = 0, None, None
+        self._handed, self._estimate, self._accepted, self._corrected_explained = 0, None, None, None
 
     def start_globally(self) -> None:
         """Start without knowledge of the pose."""
@@ -255,6 +294,7 @@ class SearchingLocalizer(Localizer):
         self._searching = self._globally = self.params.search
         self._unconfirmed = not self.params.search
         self._handed, self._estimate, self._accepted, self._since = 0, None, None, None
+        self._corrected_explained = None
 
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved."""
@@ -317,14 +357,23 @@ class SearchingLocalizer(Localizer):
             return None
         if found is not None and self._unconfirmed:
             self._unconfirmed = not is_sure(found)
-        was_lost = detector.lost
+        was_lost, before, stepped = detector.lost, detector.last, detector.has_stepped(odometry)
         result = detector.update(_pose_of(believed.map_to_odom @ odometry), scan, sensor, odometry)
+        counted = None if result is before else result
+        if counted is not None:
+            self._corrected_explained = None
         if detector.lost and not was_lost and result is not None and not self._handed:
             self.alarms.append(result)
             self._begin_search(believed, odometry)
         if self._searching:
             found = self._search(detector, odometry, scan, sensor) or found
+        elif counted is not None and not counted.carried and (stepped or self._is_off(counted)):
+            found = self._corrected(detector, believed, odometry, scan, sensor) or found
         if found is None and detector.lost == was_lost:
+            if self._estimate is not None:
+                self._estimate = self._with_details(
+                    self._estimate
+                )  # the pose stays, but what the scans say of it does not
             return None
         latest = found or dataclasses.replace(
             believed, pose=_pose_of(believed.map_to_odom @ odometry), stamp=scan.stamp
@@ -352,8 +401,45 @@ class SearchingLocalizer(Localizer):
         if gain > _GAIN:
             return found
         self.rejected.append((scan.stamp, found.pose))
-        self.tracker.set_pose(expected, _HANDED, math.inf)
-        return dataclasses.replace(found, pose=expected, covariance=_HANDED, map_to_odom=before.map_to_odom)
+        kept = dataclasses.replace(found, pose=expected, covariance=_HANDED, map_to_odom=before.map_to_odom)
+        return self._set_tracker(kept, odometry, scan, sensor)
+
+    def _is_contradicted(self, last: Agreement) -> bool:
+        """Return True if the last scan contradicts the estimate; one that this scan corrected must explain more of it."""
+        if self._corrected_explained is not None:
+            return self._corrected_explained < self.params.lost_explained_then
+        return last.explained < self.params.certain_explained or last.correction > _FAR_M
+
+    def _is_off(self, last: Agreement) -> bool:
+        """Return True if the last scan suggests a pose next to the believed one."""
+        return last.explained < self.params.certain_explained or last.correction > _OFF_M
+
+    def _corrected(
+        self,
+        detector: LostDetector,
+        believed: PoseEstimate,
+        odometry: Transform2D,
+        scan: LaserScan,
+        sensor: Transform2D,
+    ) -> PoseEstimate | None:
+        """Set the tracker to the pose around the believed one that the scan matches, if it matches clearly better.
+
+        Particles that are drawn for small steps do not reach the right pose after a large one, for example.
+        """
+        pose = _pose_of(believed.map_to_odom @ odometry)
+        match = detector.matched(pose, scan, sensor) if self.params.search else None
+        if match is None or match.gain < _NATS:
+            return None
+        moved = dataclasses.replace(
+            believed,
+            pose=match.pose,
+            covariance=match.covariance + _HANDED,
+            map_to_odom=Transform2D(*match.pose) @ odometry.inverse(),
+            stamp=scan.stamp,
+        )
+        self._corrected_explained = match.explained
+        self._accepted = self._set_tracker(moved, odometry, scan, sensor)
+        return self._accepted
 
     # --- searching ----------------------------------------------------------------------------------------------------
 
@@ -433,16 +519,25 @@ class SearchingLocalizer(Localizer):
         self, guess: PoseEstimate, odometry: Transform2D, scan: LaserScan, sensor: Transform2D
     ) -> PoseEstimate:
         """Set the tracker to the certain hypothesis."""
-        self.tracker.set_pose(guess.pose, guess.covariance + _HANDED, math.inf)
         self._handed = 0
         self.jumps.append((scan.stamp, guess.pose))
-        self._accepted = self.tracker.update(odometry, scan, sensor) or guess
+        handed = dataclasses.replace(guess, covariance=guess.covariance + _HANDED)
+        self._accepted = self._set_tracker(handed, odometry, scan, sensor)
         return self._accepted
+
+    def _set_tracker(
+        self, at: PoseEstimate, odometry: Transform2D, scan: LaserScan, sensor: Transform2D
+    ) -> PoseEstimate:
+        """Set the tracker to a pose at this scan, and give it the scan: its odometry is where the next motion begins."""
+        self.tracker.set_pose(at.pose, at.covariance, math.inf)
+        return self.tracker.update(odometry, scan, sensor) or at
 
     def _with_details(self, estimate: PoseEstimate) -> PoseEstimate:
         details = dict(estimate.details)
         last = self.agreement
-        doubtful = last is not None and (last.evidence > _DOUBT * self.params.lost_evidence or last.correction > _FAR_M)
+        doubtful = last is not None and (
+            last.evidence > _DOUBT * self.params.lost_evidence or self._is_contradicted(last)
+        )
         details |= {"lost": self.lost, "certain": not (self.lost or doubtful), "searching": self._searching}
         if last is not None:
             details |= {"explained": last.explained, "through": last.through, "lost_since": last.since}

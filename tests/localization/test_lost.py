@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core import LaserScan, OccupancyGrid, ParameterError, Pose2D, Transform2D
+from navstack.core import LaserScan, OccupancyGrid, ParameterError, Pose2D, Transform2D, angle_between
 from navstack.localization.amcl import Amcl
 from navstack.localization.global_search import FEWEST, Beams, continuity, scan_beams
-from navstack.localization.searching import Agreement, LostDetector, SearchingLocalizer
+from navstack.localization.searching import Agreement, LostDetector, SearchingLocalizer, is_sure
 from navstack.parameters import AmclParams, LostParams, load_configuration
 from tests.localization.rooms import free_pose, rooms, scan_from
 
@@ -132,6 +132,71 @@ def test_a_global_start_hands_the_pose_to_the_particles(grid: OccupancyGrid) -> 
     estimate = localizer.tracker.estimate
     assert estimate is not None
     assert estimate.details["particles"] > 50
+
+
+def sparse_drive(grid: OccupancyGrid) -> list[tuple[Transform2D, Transform2D, LaserScan]]:
+    """Pose, odometry and scan every 2 m of two rounds through a room; turns are measured a tenth too small."""
+    frames: list[tuple[Transform2D, Transform2D, LaserScan]] = []
+    truth, odometry = Transform2D(-1.2, 3.0, 0.0), Transform2D()
+    for k in range(16):
+        frames.append((truth, odometry, stamped(scan_from(grid, truth, sensor=SENSOR), 2.0 * k)))
+        ahead, turn = ((2.2, math.pi / 2.0), (1.87, 0.0), (1.87, 0.0), (1.87, math.pi / 2.0))[k % 4]
+        truth = truth @ Transform2D(ahead, 0.0, turn)
+        odometry = odometry @ Transform2D(1.05 * ahead, 0.0, 0.9 * turn + 0.03 * ahead)
+    return frames
+
+
+def test_after_large_steps_the_estimate_is_right_or_not_certain() -> None:
+    grid = rooms()
+    localizer = SearchingLocalizer(Amcl(AmclParams(laser_max_beams=60), seed=1))
+    localizer.set_map(grid)
+    frames = sparse_drive(grid)
+    localizer.set_pose(Pose2D(*frames[0][0]), np.diag([0.01, 0.01, 0.01]), math.inf)
+    certain = 0
+    for truth, odometry, scan in frames:
+        localizer.update(odometry, scan, SENSOR)
+        estimate = localizer.estimate
+        assert estimate is not None
+        pose = estimate.map_to_odom @ odometry
+        off, turned = math.hypot(pose.x - truth.x, pose.y - truth.y), abs(angle_between(pose.yaw, truth.yaw))
+        certain += is_sure(estimate)
+        assert not is_sure(estimate) or (off < 0.3 and turned < 0.2)
+    assert certain >= 12
+
+
+def test_a_robot_that_stands_is_not_certain_once_a_scan_contradicts(grid: OccupancyGrid) -> None:
+    localizer = SearchingLocalizer(Amcl(AmclParams(laser_max_beams=60), seed=1))
+    localizer.set_map(grid)
+    truth = free_pose(grid, np.random.default_rng(4), margin=1.2)
+    localizer.set_pose(Pose2D(*truth), np.diag([0.01, 0.01, 0.01]), math.inf)
+    free = scan_from(grid, truth, sensor=SENSOR)
+    hidden = dataclasses.replace(free, ranges=np.where(np.arange(120) < 54, 0.5, free.ranges).astype(np.float32))
+    certain: list[bool] = []
+    for k, scan in enumerate((free, free, hidden)):
+        localizer.update(Transform2D(), stamped(scan, 0.3 * k), SENSOR)
+        estimate = localizer.estimate
+        assert estimate is not None
+        assert not localizer.lost
+        certain.append(is_sure(estimate))
+    assert certain == [True, True, False]
+
+
+def test_a_scan_counts_again_after_a_new_pose(grid: OccupancyGrid) -> None:
+    amcl = Amcl(AmclParams(laser_max_beams=60, resample_interval=1), seed=1)
+    amcl.set_map(grid)
+    truth = free_pose(grid, np.random.default_rng(4), margin=1.2)
+    amcl.set_pose(Pose2D(*truth), np.diag([0.01, 0.01, 0.01]), math.inf)
+    scan, ahead = scan_from(grid, truth, sensor=SENSOR), Transform2D(0.8, 0.0, 0.0)
+    assert amcl.update(Transform2D(), scan, SENSOR) is not None
+    assert amcl.update(Transform2D(), scan, SENSOR) is None
+    assert len(amcl.rejections) == 1
+    amcl.set_pose(Pose2D(*truth), np.diag([1e-4, 1e-4, 1e-4]), math.inf)
+    assert amcl.update(Transform2D(), scan, SENSOR) is not None
+    assert len(amcl.rejections) == 1
+    # with the scan at the new pose, the motion up to the next one is known
+    found = amcl.update(ahead, stamped(scan_from(grid, truth @ ahead, sensor=SENSOR), 1.0), SENSOR)
+    assert found is not None
+    assert math.hypot(found.pose.x - (truth @ ahead).x, found.pose.y - (truth @ ahead).y) < 0.15
 
 
 def test_scans_that_follow_from_each_other(grid: OccupancyGrid) -> None:
