@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from navstack.core import LaserScan, LogError, Transform2D
-from navstack.mapping import Mapper, MapperParams, load_session, report_document, save_session
+from navstack.mapping import Mapper, MapperParams, PoseGraph, load_session, report_document, save_session
+from navstack.mapping.pose_graph import window
 from tests.mapping.simulated import lap
 
 pytestmark = pytest.mark.slow
@@ -108,6 +109,58 @@ def test_a_mapping_goes_on_to_the_same_bits_from_its_file(finished: Mapper, tmp_
     assert np.array_equal(again.graph.poses, finished.graph.poses)
     assert [loop.reason for loop in again.loops] == [loop.reason for loop in finished.loops]
     assert np.array_equal(again.trajectory()[1], finished.trajectory()[1])
+
+
+def test_more_laps_need_few_more_keyframes_and_go_on_from_a_file(tmp_path: Path) -> None:
+    mapper, count, worst = Mapper(MapperParams(keyframes_per_place=2)), [], 0.0
+    drive = lap(3.0)
+    for n, (frame, pose) in enumerate(drive):
+        made = mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+        true = drive[0][1].inverse() @ pose
+        assert mapper.pose is not None
+        worst = max(worst, math.hypot(mapper.pose.x - true.x, mapper.pose.y - true.y))
+        count.append(len(mapper.keyframes))
+        if n == len(drive) * 5 // 6:
+            assert made.keyframe is None
+            again = load_session(save_session(mapper, tmp_path / "map.mapping.npz"))
+    laps = np.diff(count[:: len(drive) // 3 - 1])
+    assert laps[-1] < 0.1 * laps[0]
+    assert worst < 0.1
+    assert mapper.followed > 0.4 * mapper.travelled
+    for frame, _ in drive[len(drive) * 5 // 6 + 1 :]:
+        again.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    for each in (mapper, again):
+        each.finish()
+    assert np.array_equal(again.trajectory()[1], mapper.trajectory()[1])
+    truth = drive[0][1].inverse().apply_poses(np.array([pose for _, pose in drive]))
+    assert np.hypot(*(mapper.trajectory()[1] - truth)[:, :2].T).max() < 0.1
+    lines = report_document(mapper)["lines"]
+    assert any("needed no new keyframes" in line for line in lines)
+    # the odometry of the laps: 3 % too long, turns 2 % too large
+    assert any("distances times 0.97" in line and "turns times 0.9" in line for line in lines)
+
+
+def test_a_large_graph_is_solved_around_its_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    from navstack.mapping import mapper as module
+
+    parts: list[int] = []
+
+    def counted(graph: PoseGraph, inside: np.ndarray, nodes: np.ndarray) -> PoseGraph:
+        parts.append(len(inside))
+        return window(graph, inside, nodes)
+
+    monkeypatch.setattr(module, "window", counted)
+    monkeypatch.setattr(module, "WINDOW_M", 2.0)  # of a lap of 30 m
+    mapper = mapped(params=MapperParams(refinement_passes=0))
+    mapper._solve()  # pyright: ignore[reportPrivateUsage]
+    best = mapper.graph.poses.copy()
+    last = [loop for loop in mapper.loops if loop.accepted][-1]
+    mapper.graph.poses[last.keyframe - 4 : last.keyframe] += [0.05, -0.05, 0.02]
+    worst = mapper._solve_around([dataclasses.replace(last, path=4.0)])  # pyright: ignore[reportPrivateUsage]
+    assert len(parts) == 1
+    assert 4 < parts[0] < len(best) // 2
+    assert worst < 5.0
+    assert np.abs(mapper.graph.poses - best).max() < 0.002
 
 
 def test_files_that_are_no_mapping_are_refused(tmp_path: Path) -> None:
