@@ -47,6 +47,8 @@ ODOMETRY_SPEED: Final = 5.0
 """An odometry that moves faster (m/s), by more than a meter, has jumped."""
 ODOMETRY_TURN_RATE: Final = 6.0
 """The same of its heading (rad/s)."""
+FARTHEST_SENSOR_M: Final = 100.0
+"""No robot has its lidar farther from its base: such a pose is that of something else."""
 NEAR_M: Final = 0.05
 NEAR_RAD: Final = 0.05
 """A scan within this motion from the last match keeps the odometry's pose: nothing is gained by matching it."""
@@ -63,8 +65,12 @@ DRIFT_PER_M: Final = 0.02
 """Drift to expect between two keyframes, and of it per length of the path between them."""
 WHOLE: Final = 1000
 """A graph of at most as many keyframes is solved as a whole; of a larger one, after a loop, the part that it can move."""
+LARGE: Final = (0.05, 0.01)
+"""A loop that asks for a larger correction (m, rad) is not left waiting until the graph is solved;"""
+LARGE_OF_MANY: Final = (0.15, 0.03)
+"""the same of a graph of more keyframes than `WHOLE`: a match reaches as far."""
 WINDOW_M: Final = 5.0
-"""That part reaches as far beyond half the way that the loop closes."""
+"""The part of a graph that is solved after a loop reaches as far beyond half the way that the loop closes."""
 KERNEL_WIDTH: Final = 3.0
 """Loops with an error of more standard deviations than this lose weight when the graph is solved."""
 
@@ -384,6 +390,8 @@ class Mapper:
             return "its odometry is not finite"
         if not all(map(math.isfinite, sensor)):
             return "the pose of its sensor is not finite"
+        if math.hypot(sensor.x, sensor.y) > FARTHEST_SENSOR_M:
+            return f"its sensor is more than {FARTHEST_SENSOR_M:.0f} m from the base"
         if not all(map(math.isfinite, (scan.angle_min, scan.angle_increment))):
             return "the angles of its beams are not finite"
         if self._last is not None and stamp <= self._last[0]:
@@ -706,7 +714,9 @@ class Mapper:
             self.graph.edges.append(Edge(loop.place, loop.keyframe, loop.measured, loop.information, True))
             self._links.extend((loop.place, loop.keyframe, math.hypot(loop.measured.x, loop.measured.y)))
         numbers = [loop.keyframe for loop in loops]
-        large = any(math.hypot(x, y) > 0.05 or abs(yaw) > 0.01 for x, y, yaw in (loop.correction for loop in loops))
+        most = LARGE_OF_MANY if len(self.keyframes) > WHOLE else LARGE
+        corrections = (loop.correction for loop in loops)
+        large = any(math.hypot(x, y) > most[0] or abs(yaw) > most[1] for x, y, yaw in corrections)
         self._unsolved += len(loops)
         # of a long mapping, more wait: each solution takes time by the size of the graph
         if large or self._unsolved > max(20, len(self.keyframes) // 50):

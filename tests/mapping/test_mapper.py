@@ -72,7 +72,7 @@ def test_the_map_has_the_walls_where_they_are(finished: Mapper) -> None:
     iy, ix = np.nonzero(grid.data == 100)
     g = grid.geometry
     points = np.column_stack((g.origin_x + (ix + 0.5) * g.resolution, g.origin_y + (iy + 0.5) * g.resolution))
-    world = lap()[0][1].apply_points(points)
+    world = lap()[0][1].apply_points(points.astype(np.float64))
     away = shapely.distance(shapely.points(world), WALLS)
     # within one cell of a wall: half its diagonal, and one cell
     assert np.mean(away < 1.5 * g.resolution) > 0.97
@@ -112,7 +112,9 @@ def test_a_mapping_goes_on_to_the_same_bits_from_its_file(finished: Mapper, tmp_
 
 
 def test_more_laps_need_few_more_keyframes_and_go_on_from_a_file(tmp_path: Path) -> None:
-    mapper, count, worst = Mapper(MapperParams(keyframes_per_place=2)), [], 0.0
+    mapper = again = Mapper(MapperParams(keyframes_per_place=2))
+    count: list[int] = []
+    worst = 0.0
     drive = lap(3.0)
     for n, (frame, pose) in enumerate(drive):
         made = mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan)

@@ -456,7 +456,7 @@ def long_run(shared: Path, name: str, hours: float, params: MapperParams) -> Non
                 f"loops, {spent:.1f} s, {resident:.0f} MB, error {np.mean(wrong):.3f} m, at most {max(wrong):.3f} m",
                 flush=True,
             )
-            due, spent, wrong = due + (0.25 if due < 1.0 else 1.0), 0.0, []
+            due, spent, wrong = due + (0.25 if due < 1.0 else 0.5), 0.0, []
         if frame.scan.stamp >= 3600.0 * hours:
             break
     began = time.process_time()
