@@ -38,7 +38,7 @@ from navstack.mapping.loops import (
 )
 from navstack.mapping.matching import SPACING, Match, Surfaces, surface_points
 from navstack.mapping.params import MapperParams
-from navstack.mapping.pose_graph import Edge, PoseGraph, solve, window
+from navstack.mapping.pose_graph import Edge, PoseGraph, solve
 from navstack.mapping.refinement import Calibration, refine
 
 FEWEST_POINTS: Final = 15
@@ -63,14 +63,6 @@ MOST_FOLLOWED_DRIFT_M: Final = 0.3
 DRIFT_M: Final = 0.3
 DRIFT_PER_M: Final = 0.02
 """Drift to expect between two keyframes, and of it per length of the path between them."""
-WHOLE: Final = 1000
-"""A graph of at most as many keyframes is solved as a whole; of a larger one, after a loop, the part that it can move."""
-LARGE: Final = (0.05, 0.01)
-"""A loop that asks for a larger correction (m, rad) is not left waiting until the graph is solved;"""
-LARGE_OF_MANY: Final = (0.15, 0.03)
-"""the same of a graph of more keyframes than `WHOLE`: a match reaches as far."""
-WINDOW_M: Final = 5.0
-"""The part of a graph that is solved after a loop reaches as far beyond half the way that the loop closes."""
 KERNEL_WIDTH: Final = 3.0
 """Loops with an error of more standard deviations than this lose weight when the graph is solved."""
 
@@ -714,13 +706,11 @@ class Mapper:
             self.graph.edges.append(Edge(loop.place, loop.keyframe, loop.measured, loop.information, True))
             self._links.extend((loop.place, loop.keyframe, math.hypot(loop.measured.x, loop.measured.y)))
         numbers = [loop.keyframe for loop in loops]
-        most = LARGE_OF_MANY if len(self.keyframes) > WHOLE else LARGE
-        corrections = (loop.correction for loop in loops)
-        large = any(math.hypot(x, y) > most[0] or abs(yaw) > most[1] for x, y, yaw in corrections)
+        large = any(math.hypot(x, y) > 0.05 or abs(yaw) > 0.01 for x, y, yaw in (loop.correction for loop in loops))
         self._unsolved += len(loops)
         # of a long mapping, more wait: each solution takes time by the size of the graph
         if large or self._unsolved > max(20, len(self.keyframes) // 50):
-            worst = self._solve_around(loops) if len(self.keyframes) > WHOLE else self._solve()
+            worst = self._solve()
             if worst > 5.0:
                 del self.graph.edges[edges:], self._links[3 * edges :]
                 self._poses[: len(poses)] = poses
@@ -758,22 +748,10 @@ class Mapper:
         solution = solve(self.graph, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20)
         self._poses[: len(solution.poses)] = solution.poses
         self._local, self._unsolved = None, 0
-        return _worst(self.graph)
-
-    def _solve_around(self, loops: list[Loop]) -> float:
-        """Solve the part of the graph that loops can move, the rest held; else as `_solve`."""
-        wait = max(20, len(self.keyframes) // 50)
-        reach = 0.5 * max(loop.path for loop in loops) + WINDOW_M
-        path = self._paths(loops[-1].keyframe, reach)
-        path[0] = math.inf
-        inside = np.flatnonzero(np.isfinite(path))
-        if self._unsolved > wait or 2 * len(inside) > len(path):
-            return self._solve()
-        part = window(self.graph, inside, np.array(self._links).reshape(-1, 3)[:, :2].astype(np.int64))
-        part.poses = solve(part, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20).poses
-        self._poses[inside] = part.poses[1:]
-        self._local = None
-        return _worst(part)
+        chi2 = self.graph.edge_chi2()
+        return math.sqrt(
+            max((c for c, e in zip(chi2.tolist(), self.graph.edges, strict=True) if not e.is_loop), default=0.0)
+        )
 
 
 def _expand(scan: LaserScan) -> LaserScan:
@@ -786,12 +764,6 @@ def _expand(scan: LaserScan) -> LaserScan:
         scan.range_max,
         scan.stamp,
     )
-
-
-def _worst(graph: PoseGraph) -> float:
-    """Return the largest error of an edge that is no loop (sigma)."""
-    chi2 = graph.edge_chi2()
-    return math.sqrt(max((c for c, e in zip(chi2.tolist(), graph.edges, strict=True) if not e.is_loop), default=0.0))
 
 
 def _moved(surface: NDArray[np.float64], pose: Transform2D) -> NDArray[np.float64]:

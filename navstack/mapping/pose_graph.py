@@ -138,32 +138,6 @@ def solve(
     return best[1]
 
 
-def window(graph: PoseGraph, inside: NDArray[np.int64], nodes: NDArray[np.int64]) -> PoseGraph:
-    """Return the graph of the poses `inside` (k,) and of the edges at them, the other poses held where they are.
-
-    `nodes` (m, 2): those of every edge. Node 0 of the result is the frame of the map, node n + 1 is `inside[n]`. An edge to a
-    pose that is held becomes one from the frame; turned around, its information is that of the inverse motion, by the adjoint
-    (Solà et al., A micro Lie theory for state estimation in robotics, 2018, for SE(2)), exact for small errors.
-    """
-    place = np.zeros(len(graph.poses), np.int64)
-    place[inside] = np.arange(1, len(inside) + 1)
-    edges: list[Edge] = []
-    for n in np.flatnonzero((place[nodes] > 0).any(axis=1)).tolist():
-        edge = graph.edges[n]
-        i, j = int(place[edge.i]), int(place[edge.j])
-        if i == 0:
-            edge = edge._replace(measured=Transform2D(*graph.poses[edge.i].tolist()) @ edge.measured)
-        elif j == 0:
-            back = edge.measured.inverse()
-            c, s = math.cos(back.yaw), math.sin(back.yaw)
-            adjoint = np.array([[c, -s, back.y], [s, c, -back.x], [0.0, 0.0, 1.0]])
-            information = np.einsum("ba,bc,cd->ad", adjoint, edge.information, adjoint)
-            held = Transform2D(*graph.poses[edge.j].tolist()) @ back
-            i, j, edge = 0, i, edge._replace(measured=held, information=information)
-        edges.append(edge._replace(i=i, j=j))
-    return PoseGraph(np.concatenate((np.zeros((1, 3)), graph.poses[inside])), edges)
-
-
 def _errors(arrays: _Arrays, poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (m, 3) errors of the edges."""
     first, second, z = poses[arrays.i], poses[arrays.j], arrays.measured

@@ -166,24 +166,24 @@ def _lines(mapper: Mapper, d: dict[str, Any], mounting: Mounting) -> list[str]:
         f"{d['scans']} scans in {d['duration_s']:.0f} s, {d['keyframes']} keyframes on {d['path_m']:.1f} m of path",
         f"loops: {d['loops']['accepted']} accepted, {d['loops']['rejected']} rejected",
     ]
+    lines += [f"  rejected {n} time{'s' * (n != 1)}: {why}" for why, n in d["loops"]["why_rejected"].items()]
     if d["followed_m"] > 0.0:
         lines.append(f"known places: {d['followed_m']:.1f} m of the path needed no new keyframes")
-    calibration = mapper.calibration
-    if calibration is not None and calibration.steps:
-        ahead, left, turn = calibration.noise
-        lines.append(
-            f"odometry, by {calibration.steps} steps of {calibration.mean_step:.2f} m: distances times "
-            f"{calibration.scale:.4f}, turns times {calibration.turn_scale:.4f}, pull "
-            f"{math.degrees(calibration.curve):+.2f} degrees/m; noise of a step {1000.0 * ahead:.1f} mm ahead, "
-            f"{1000.0 * left:.1f} mm to the side, {math.degrees(turn):.2f} degrees"
-        )
-    lines += [f"  rejected {n} times: {why}" for why, n in d["loops"]["why_rejected"].items()]
     if d["drift"] and d["path_m"] > 0.0:
         far, turned, left = d["drift"]["odometry_m"], math.degrees(d["drift"]["odometry_rad"]), d["drift"]["matches_m"]
         share = far / max(d["drift"]["path_m"], 1e-3)
         lines.append(
             f"drift at the end: odometry {far:.2f} m ({share:.1%} of the path) and {turned:+.1f} degrees; matches without "
             f"loops {left:.2f} m"
+        )
+    calibration = mapper.calibration
+    if calibration is not None and calibration.steps:
+        ahead, left, turn = calibration.noise
+        lines.append(
+            f"odometry, calibrated by {calibration.steps} steps of {calibration.mean_step:.2f} m: multiply distances by "
+            f"{calibration.scale:.4f} and turns by {calibration.turn_scale:.4f}, add {math.degrees(calibration.curve):+.2f} "
+            f"degrees per meter; noise of a step {1000.0 * ahead:.1f} mm ahead, {1000.0 * left:.1f} mm to the side, "
+            f"{math.degrees(turn):.2f} degrees"
         )
     for begin, end, count in _parts([row["stamp"] for row in d["unmatched"]])[:_SHOWN]:
         lines.append(f"does not fit: {count} scans from {begin:.1f} to {end:.1f} s match nothing before them")
