@@ -191,7 +191,8 @@ class CarmenLog(ScanLog):
             )
 
     def _laser_scan(self, ranges: list[float], stamp: float) -> LaserScan:
-        values = np.array(ranges, np.float32)
+        with np.errstate(over="ignore"):  # a range beyond float32 has no return
+            values = np.array(ranges, np.float32)
         values[values >= self._no_return] = np.inf
         values[values < 0.0] = np.nan
         return LaserScan(

@@ -15,23 +15,16 @@ if TYPE_CHECKING:
     from navstack.mapping.exploration import exploration_report as exploration_report
     from navstack.mapping.exploration import goals_on as goals_on
     from navstack.mapping.exploration import overrides_for_exploration as overrides_for_exploration
-    from navstack.mapping.frontiers import ExplorationParams as ExplorationParams
-    from navstack.mapping.frontiers import Frontier as Frontier
-    from navstack.mapping.loops import Loop as Loop
     from navstack.mapping.mapper import Mapper as Mapper
-    from navstack.mapping.mapper import MatchResult as MatchResult
     from navstack.mapping.merge import align as align
     from navstack.mapping.merge import compare as compare
     from navstack.mapping.merge import merged as merged
     from navstack.mapping.online import OnlineMapper as OnlineMapper
     from navstack.mapping.params import MapperParams as MapperParams
-    from navstack.mapping.pose_graph import Edge as Edge
     from navstack.mapping.pose_graph import PoseGraph as PoseGraph
-    from navstack.mapping.pose_graph import Solution as Solution
     from navstack.mapping.pose_graph import read_g2o as read_g2o
     from navstack.mapping.pose_graph import solve as solve
     from navstack.mapping.pose_graph import write_g2o as write_g2o
-    from navstack.mapping.report import judge_mounting as judge_mounting
     from navstack.mapping.report import report_document as report_document
     from navstack.mapping.session import load_session as load_session
     from navstack.mapping.session import save_session as save_session

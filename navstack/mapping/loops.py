@@ -30,7 +30,7 @@ class Loop:
     seen_at: float
     """Stamp of the keyframe `place` (s)."""
     path: float
-    """Shortest way in the graph from `place` to `keyframe` (m)."""
+    """Shortest way in the graph from `place` to `keyframe` (m), at most that from which the search has its full width."""
     coarse: float
     """Mean likelihood of the best pose of the search."""
     runner_up: float
@@ -133,7 +133,7 @@ def compare(
     if match.response < params.loop_match_minimum_response_fine:
         return figures, pose, nothing, f"the scan does not fit: response {match.response:.2f}"
     hessian = match.hessian / scene.scans
-    least, most = _position_information(hessian)
+    least, most = position_information(hessian)
     if least < max(LEAST_INFORMATION, LEAST_SHARE * most):
         return figures, pose, nothing, "the position is not determined in one direction, as along a corridor"
     other = (pose.x, pose.y, pose.yaw, _OTHER_M, _OTHER_RAD)
@@ -164,7 +164,7 @@ def _differ(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return math.hypot(a[0] - b[0], a[1] - b[1]) > 0.5 * _OTHER_M or abs(normalize_angle(float(a[2] - b[2]))) > 0.15
 
 
-def _position_information(hessian: NDArray[np.float64]) -> tuple[float, float]:
+def position_information(hessian: NDArray[np.float64]) -> tuple[float, float]:
     """Return the information about the position in the directions that are known worst and best, whatever the heading is."""
     h = hessian
     turn = max(float(h[2, 2]), 1e-9)

@@ -11,10 +11,11 @@ The same scans in the same order give the same map, to the bit.
 
 from __future__ import annotations
 
+import bisect
 import math
 from array import array
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
@@ -24,7 +25,17 @@ from numpy.typing import NDArray
 from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D, normalize_angle, normalize_angles
 from navstack.localization import LoggedScan, scan_beams
 from navstack.logs import MappingModel, map_from_frames
-from navstack.mapping.loops import EDGE_FLOOR, Loop, Scene, agree, compare, edge_information
+from navstack.mapping.loops import (
+    EDGE_FLOOR,
+    LEAST_INFORMATION,
+    LEAST_SHARE,
+    Loop,
+    Scene,
+    agree,
+    compare,
+    edge_information,
+    position_information,
+)
 from navstack.mapping.matching import SPACING, Match, Surfaces, surface_points
 from navstack.mapping.params import MapperParams
 from navstack.mapping.pose_graph import Edge, PoseGraph, solve
@@ -36,11 +47,22 @@ ODOMETRY_SPEED: Final = 5.0
 """An odometry that moves faster (m/s), by more than a meter, has jumped."""
 ODOMETRY_TURN_RATE: Final = 6.0
 """The same of its heading (rad/s)."""
+FARTHEST_SENSOR_M: Final = 100.0
+"""No robot has its lidar farther from its base: such a pose is that of something else."""
 NEAR_M: Final = 0.05
 NEAR_RAD: Final = 0.05
 """A scan within this motion from the last match keeps the odometry's pose: nothing is gained by matching it."""
 WIDE_RAD: Final = 2.6
 """A scan of at least this angle sees enough walls to recognize a place by itself."""
+PLACE_M: Final = 0.5
+PLACE_RAD: Final = 0.4
+"""Keyframes within this distance and difference of the heading are at the same place."""
+FOLLOWED_DRIFT: Final = 0.03
+MOST_FOLLOWED_DRIFT_M: Final = 0.3
+"""Error of the position per distance that is followed where scans leave it open, as along a corridor, and the most (m)."""
+DRIFT_M: Final = 0.3
+DRIFT_PER_M: Final = 0.02
+"""Drift to expect between two keyframes, and of it per length of the path between them."""
 KERNEL_WIDTH: Final = 3.0
 """Loops with an error of more standard deviations than this lose weight when the graph is solved."""
 
@@ -68,6 +90,8 @@ class Step(NamedTuple):
     """The motion to a keyframe by the odometry and by the match, for the report."""
 
     keyframe: int
+    before: int
+    """The keyframe that the motion begins at: an older one if the robot has followed known places until here."""
     stamp: float
     odometry: Transform2D
     matched: Transform2D
@@ -182,6 +206,21 @@ class Mapper:
         """Nodes and length of every edge (i, j, m): an array, because all of it is used at each keyframe near a known place."""
         self._middles = array("d")
         self._travelled: list[float] = []
+        """Length of the path at each keyframe (m)."""
+        self.travelled = 0.0
+        """Length of the path (m)."""
+        self.followed = 0.0
+        """Of it the part in known places, without new keyframes (m)."""
+        self._reference = -1
+        """The keyframe that the robot is seen from: the last one, or one of a known place."""
+        self._at = Transform2D()
+        """Pose seen from the reference at which the place was last looked at."""
+        self._open_m = 0.0
+        """Length of the path that was followed since a scan determined the position (m)."""
+        self._recent: deque[int] = deque(maxlen=self.params.scan_buffer_size)
+        """Keyframes that scans are matched with."""
+        self._starts: list[int] = []
+        """Keyframes that do not follow the one before them, in order."""
         self._last: tuple[float, Transform2D | None] | None = None
         self._moved = Transform2D()
         self._driven = Transform2D()
@@ -201,12 +240,7 @@ class Mapper:
         """The pose of the base in the map at the last scan; None before the first one."""
         if not len(self.keyframes):
             return None
-        return Pose2D(*(self._keyframe_pose(len(self.keyframes) - 1) @ self._moved))
-
-    @property
-    def travelled(self) -> float:
-        """Length of the path along the keyframes (m)."""
-        return self._travelled[-1] if self._travelled else 0.0
+        return Pose2D(*(self._keyframe_pose(self._reference) @ self._moved))
 
     @property
     def last_stamp(self) -> float | None:
@@ -270,8 +304,7 @@ class Mapper:
         self._last = stamp, odom
         self._moved, self._driven = self._moved @ step, self._driven @ step
         p = self.params
-        far = math.hypot(self._moved.x, self._moved.y) >= p.minimum_travel_distance
-        far = far or abs(self._moved.yaw) >= p.minimum_travel_heading
+        far = self._is_far(self._moved)
         since = self._matched.inverse() @ self._moved
         if has_odometry and not far and math.hypot(since.x, since.y) < NEAR_M and abs(since.yaw) < NEAR_RAD:
             self._passed(stamp)
@@ -312,6 +345,11 @@ class Mapper:
             "unsolved": self._unsolved,
             "tried_at": self._tried_at if math.isfinite(self._tried_at) else None,
             "travelled": self._travelled,
+            "path": [self.travelled, self.followed, self._open_m],
+            "reference": self._reference,
+            "at": list(self._at),
+            "recent": list(self._recent),
+            "starts": self._starts,
             "lengths": self._links[2::3].tolist(),
             "middles": self._middles.tolist(),
         }
@@ -328,6 +366,9 @@ class Mapper:
         self._unsolved = state["unsolved"]
         self._tried_at = -math.inf if state["tried_at"] is None else state["tried_at"]
         self._travelled, self._middles = state["travelled"], array("d", np.ravel(state["middles"]).tolist())
+        self.travelled, self.followed, self._open_m = state["path"]
+        self._reference, self._at, self._starts = state["reference"], Transform2D(*state["at"]), state["starts"]
+        self._recent.extend(state["recent"])
         self._links = array("d")
         for edge, length in zip(edges, state["lengths"], strict=True):
             self._links.extend((edge.i, edge.j, length))
@@ -341,6 +382,8 @@ class Mapper:
             return "its odometry is not finite"
         if not all(map(math.isfinite, sensor)):
             return "the pose of its sensor is not finite"
+        if math.hypot(sensor.x, sensor.y) > FARTHEST_SENSOR_M:
+            return f"its sensor is more than {FARTHEST_SENSOR_M:.0f} m from the base"
         if not all(map(math.isfinite, (scan.angle_min, scan.angle_increment))):
             return "the angles of its beams are not finite"
         if self._last is not None and stamp <= self._last[0]:
@@ -379,7 +422,7 @@ class Mapper:
         guessed: Transform2D | None,
     ) -> MatchResult:
         """Match a scan with the last keyframes; make it a keyframe if the robot has moved. `guessed`: a step not by odometry."""
-        p, last = self.params, len(self.keyframes) - 1
+        p, last = self.params, self._reference
         start = self._keyframe_pose(last)
         predicted = start @ self._moved
         since = self._matched.inverse() @ self._moved
@@ -391,11 +434,12 @@ class Mapper:
             )
         else:
             sigma = 0.1 + 0.3 * math.hypot(guessed.x, guessed.y), 0.1 + 0.3 * abs(guessed.yaw)
+        sigma = sigma[0] + min(FOLLOWED_DRIFT * self._open_m, MOST_FOLLOWED_DRIFT_M), sigma[1]
         match = self._best_match(surface, predicted, sigma, widely=guessed is not None)
         fits = match.response >= p.link_match_minimum_response_fine
         prior = _prior(predicted, sigma)
         if not fits:
-            self.observations.unmatched.append((stamp, last + 1, match.response))
+            self.observations.unmatched.append((stamp, len(self.keyframes), match.response))
             match = match._replace(pose=np.array(predicted), hessian=prior)
         pose = Transform2D(float(match.pose[0]), float(match.pose[1]), normalize_angle(float(match.pose[2])))
         relative = start.inverse() @ pose
@@ -405,16 +449,20 @@ class Mapper:
             dt = max(stamp - stamp_before, 1e-3)
             made = (self._keyframe_pose(int(k_before)) @ Transform2D(*made_before)).inverse() @ pose
             self._velocity = Transform2D(made.x / dt, made.y / dt, made.yaw / dt) if fits else Transform2D()
-        far = math.hypot(relative.x, relative.y) >= p.minimum_travel_distance
-        if not (far or abs(relative.yaw) >= p.minimum_travel_heading):
+        if not self._is_far(relative):
             self._moved = self._matched = relative
             self._passed(stamp)
             return MatchResult(stamp, Pose2D(*pose), None, match.response, correction)
+        if fits and p.keyframes_per_place and self._follow(stamp, surface, pose, (predicted, prior)):
+            return MatchResult(stamp, self.pose or Pose2D(*pose), None, match.response, correction)
         driven = self._driven if guessed is None else relative
+        if last != len(self.keyframes) - 1:
+            self._starts.append(len(self.keyframes))
+        away = self._open_m + math.hypot(relative.x, relative.y) + 0.3 * abs(relative.yaw)
         k = self._add_keyframe(stamp, scan, sensor, pose)
         self.graph.edges.append(Edge(last, k, relative, edge_information(match.hessian, pose.yaw, EDGE_FLOOR)))
-        self._links.extend((last, k, math.hypot(relative.x, relative.y) + 0.3 * abs(relative.yaw)))
-        self.steps.append(Step(k, stamp, driven, relative, sigma, match.response if fits else math.nan))
+        self._links.extend((last, k, away))
+        self.steps.append(Step(k, last, stamp, driven, relative, sigma, match.response if fits else math.nan))
         decided = self._close_loops(k) if p.do_loop_closing else ()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
 
@@ -428,13 +476,7 @@ class Mapper:
         """
         p = self.params
         if self._local is None:
-            first = max(0, len(self.keyframes) - p.scan_buffer_size)
-            self._local = Surfaces(
-                [
-                    (self.keyframes.surface(k, p.max_laser_range), self._keyframe_pose(k))
-                    for k in range(first, len(self.keyframes))
-                ]
-            )
+            self._local = self._surfaces(self._recent)
         half_m = min(max(0.5 * p.correlation_search_space_dimension, 3.0 * sigma[0]), 1.5)
         half_rad = min(max(0.1, 3.0 * sigma[1]), 0.8)
         found, _ = self._local.search(surface, predicted, half_m=half_m, half_rad=half_rad, sigma=sigma)
@@ -457,16 +499,88 @@ class Mapper:
         self.graph.poses = self._poses[: k + 1]
         surface = self.keyframes.surface(k, self.params.max_laser_range)
         self._middles.extend((float(surface[:, 0].mean()), float(surface[:, 1].mean())))
-        step = 0.0 if k == 0 else math.hypot(*(self._poses[k, :2] - self._poses[k - 1, :2]))
-        self._travelled.append(self.travelled + step)
-        self._moved = self._matched = self._driven = Transform2D()
+        self.travelled += 0.0 if k == 0 else self._distance(pose)
+        self._travelled.append(self.travelled)
+        self._reference, self._open_m = k, 0.0
+        self._recent.append(k)
+        self._moved = self._matched = self._driven = self._at = Transform2D()
         self._local = None
         self._passed(stamp)
         return k
 
+    def _is_far(self, moved: Transform2D) -> bool:
+        """Return whether a pose seen from the reference is far enough from the last one to look at the place."""
+        p, at = self.params, self._at
+        far = math.hypot(moved.x - at.x, moved.y - at.y) >= p.minimum_travel_distance
+        return far or abs(math.remainder(moved.yaw - at.yaw, math.tau)) >= p.minimum_travel_heading
+
+    def _distance(self, pose: Transform2D) -> float:
+        """Return the distance of a pose from the one at which the place was last looked at (m)."""
+        at = self._keyframe_pose(self._reference) @ self._at
+        return math.hypot(pose.x - at.x, pose.y - at.y)
+
+    def _surfaces(self, keyframes: Iterable[int]) -> Surfaces:
+        """Return the surfaces that keyframes have seen."""
+        reach = self.params.max_laser_range
+        return Surfaces([(self.keyframes.surface(k, reach), self._keyframe_pose(k)) for k in keyframes])
+
+    # --- known places -------------------------------------------------------------------------------------------------
+
+    def _follow(
+        self,
+        stamp: float,
+        surface: NDArray[np.float64],
+        pose: Transform2D,
+        prior: tuple[Transform2D, NDArray[np.float64]],
+    ) -> bool:
+        """Localize a scan against the keyframes of a place that has enough of them; return whether they explain it.
+
+        The number of keyframes then depends on the area, not on the time: after Kretzschmar and Stachniss
+        (Information-theoretic compression of pose graphs for laser-based SLAM, IJRR 2012), scans are kept while they tell
+        something new; here a scan tells nothing new if enough others of the same place and heading explain it. The newest
+        of them count, so that a place that has changed gets keyframes once.
+        """
+        known = self._place(pose)
+        if not known:
+            return False
+        surfaces = self._surfaces(known)
+        match = surfaces.align(surface, pose, prior)
+        found = Transform2D(float(match.pose[0]), float(match.pose[1]), normalize_angle(float(match.pose[2])))
+        off = math.hypot(found.x - pose.x, found.y - pose.y)
+        if match.response < self.params.loop_match_minimum_response_fine or off > PLACE_M:
+            return False
+        moved = self._distance(found)
+        self.travelled, self.followed = self.travelled + moved, self.followed + moved
+        least, most = position_information(match.hessian - prior[1])
+        is_open = least < max(LEAST_INFORMATION, LEAST_SHARE * most)
+        self._open_m = self._open_m + moved if is_open else 0.0
+        places = self._poses[known]
+        self._reference = known[int(np.argmin(np.hypot(places[:, 0] - found.x, places[:, 1] - found.y)))]
+        relative = self._keyframe_pose(self._reference).inverse() @ found
+        self._moved = self._matched = self._driven = self._at = relative
+        self._recent.clear()
+        self._recent.extend(known)
+        self._local = surfaces
+        self._passed(stamp)
+        return True
+
+    def _place(self, pose: Transform2D) -> list[int]:
+        """Return the newest keyframes at the place of a pose; none if they are fewer than `keyframes_per_place`.
+
+        Only those count that a short path in the graph connects with the reference: the others may be off by the drift.
+        """
+        p, poses = self.params, self.graph.poses
+        turned = np.abs(normalize_angles(poses[:, 2] - pose.yaw))
+        near = np.flatnonzero((np.hypot(poses[:, 0] - pose.x, poses[:, 1] - pose.y) < PLACE_M) & (turned < PLACE_RAD))
+        if len(near) < p.keyframes_per_place:
+            return []
+        path = self._paths(self._reference, 2.0 * p.loop_minimum_path)
+        known = near[np.isfinite(path[near])].tolist()
+        return known[-p.scan_buffer_size :] if len(known) >= p.keyframes_per_place else []
+
     def _passed(self, stamp: float) -> None:
         """Keep the place of a scan: its stamp, the last keyframe, and the step from there."""
-        self.track.extend((stamp, len(self.keyframes) - 1, *self._moved))
+        self.track.extend((stamp, self._reference, *self._moved))
 
     def _keyframe_pose(self, k: int) -> Transform2D:
         return Transform2D(*self._poses[k].tolist())
@@ -513,8 +627,10 @@ class Mapper:
         if not (away < p.loop_search_maximum_distance + widest).any():
             return []
         self._tried_at = self.travelled
-        path = self._paths(k)[:end]
-        drift = np.minimum(0.3 + 0.02 * path, widest)
+        # from this path on, the drift may be as large as the search is wide
+        limit = max((widest - DRIFT_M) / DRIFT_PER_M, p.loop_minimum_path)
+        path = np.minimum(self._paths(k, limit)[:end], limit)
+        drift = np.minimum(DRIFT_M + DRIFT_PER_M * path, widest)
         near = np.flatnonzero((away < p.loop_search_maximum_distance + drift) & (path >= p.loop_minimum_path))
         if not len(near):
             return []
@@ -523,8 +639,8 @@ class Mapper:
         nearest.sort(key=lambda j: (away[j], j))
         return [(j, float(path[j]), (float(drift[j]), min(0.15 + 0.004 * float(path[j]), 0.5))) for j in nearest[:2]]
 
-    def _paths(self, k: int) -> NDArray[np.float64]:
-        """Return the length of the shortest way in the graph from each keyframe to `k` (m)."""
+    def _paths(self, k: int, limit: float) -> NDArray[np.float64]:
+        """Return the length of the shortest way in the graph from each keyframe to `k` (m); infinite beyond the limit."""
         from scipy.sparse import coo_matrix  # slow import
         from scipy.sparse.csgraph import dijkstra
 
@@ -532,7 +648,7 @@ class Mapper:
         table = np.array(self._links).reshape(-1, 3)
         i, j = table[:, :2].astype(np.int64).T
         links = coo_matrix((table[:, 2] + 1e-3, (i, j)), (n, n)).tocsr()
-        return np.asarray(dijkstra(links, directed=False, indices=k))
+        return np.asarray(dijkstra(links, directed=False, indices=k, limit=limit))
 
     def _scene(self, k: int) -> Scene:
         return Scene(
@@ -546,7 +662,8 @@ class Mapper:
         chain = range(first, min(first + size, k - self.params.scan_buffer_size))
         scene, at = self._scene(k), self._keyframe_pose(place)
         if together > 1:
-            others = [self._scene(j) for j in range(max(chain[-1] + 1, k - together + 1), k)]
+            begin = self._starts[bisect.bisect(self._starts, k) - 1] if self._starts and self._starts[0] <= k else 0
+            others = [self._scene(j) for j in range(max(chain[-1] + 1, k - together + 1, begin), k)]
             seen = [_moved(each.surface, scene.pose.inverse() @ each.pose) for each in others]
             scene = scene._replace(surface=np.concatenate([*seen, scene.surface]), scans=len(seen) + 1)
         figures, pose, information, why_not = compare(scene, [self._scene(j) for j in chain], at, drift, self.params)
@@ -617,8 +734,9 @@ class Mapper:
             lambda k: self.keyframes.surface(k, reach),
             np.array([step.odometry for step in self.steps]),
             np.array([step.matched for step in self.steps]),
-            [edge for edge in self.graph.edges if edge.is_loop],
+            [edge._replace(is_loop=True) for edge in self.graph.edges if edge.is_loop or edge.i != edge.j - 1],
             passes,
+            self._starts,
         )
         self._poses[: len(found.poses)] = found.poses
         self._local, self.calibration = None, found.calibration

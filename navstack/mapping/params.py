@@ -17,6 +17,12 @@ class MapperParams(ParamModel):
         ge=0.02,
     )
     minimum_travel_heading: float = param(0.3, "the same of the heading", unit="rad", ge=0.02)
+    keyframes_per_place: int = param(
+        10,
+        "keyframes within 0.5 m and 0.4 rad of each other, from which on a scan that they explain does not become another; "
+        "0: no limit",
+        ge=0,
+    )
     scan_buffer_size: int = param(12, "last keyframes that a scan is matched with", ge=1, le=100)
     correlation_search_space_dimension: float = param(
         0.5, "width of the search around the prediction; the odometry widens it", unit="m", gt=0.0, le=5.0

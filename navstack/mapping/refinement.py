@@ -10,6 +10,7 @@ for mobile robots, T-RO 2013) for the model of the odometry.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
@@ -167,6 +168,7 @@ def refine(
     matched: NDArray[np.float64],
     loops: Sequence[Edge],
     passes: int,
+    starts: Sequence[int] = (),
 ) -> Refined:
     """Match every keyframe with all submaps near it, and solve the graph again, `passes` times.
 
@@ -175,25 +177,35 @@ def refine(
         surface: returns the points with normals (m, 4) of a keyframe in its frame.
         odometry: (n - 1, 3) steps from keyframe to keyframe by the odometry,
         matched: and by the matches of their time; the same where there was no odometry.
-        loops: edges between places that were recognized; they stay.
+        loops: edges between places that were recognized, and to the `starts`; they stay.
         passes: one finds slips, another what the first has brought near.
+        starts: keyframes that do not follow the one before them, in order; the steps to them do not count.
     """
     n = len(poses)
     known = np.abs(odometry - matched).max(axis=1) > 0.0
+    follows = np.ones(n - 1, np.bool_)
+    follows[np.array(starts, np.int64) - 1] = False
     middles = np.array([surface(k)[:, :2].mean(axis=0) for k in range(n)])
-    submaps = [range(first, min(first + SUBMAP, n)) for first in range(0, n, SUBMAP)]
-    if len(submaps) > 1 and len(submaps[-1]) < SUBMAP // 2:
-        submaps[-2:] = [range(submaps[-2][0], n)]
+    chains = [range(first, end) for first, end in itertools.pairwise((0, *starts, n))]
+    submaps: list[range] = []
+    chain_of: list[range] = []
+    for chain in chains:
+        parts = [range(first, min(first + SUBMAP, chain.stop)) for first in range(chain.start, chain.stop, SUBMAP)]
+        if len(parts) > 1 and len(parts[-1]) < SUBMAP // 2:
+            parts[-2:] = [range(parts[-2][0], chain.stop)]
+        submaps += parts
+        chain_of += [chain] * len(parts)
     edges: list[Edge] = []
-    calibration = calibrate(odometry, poses, known)
+    calibration = calibrate(odometry, poses, known & follows)
     for _ in range(passes):
-        edges = [*_steps(calibration, odometry, matched, known), *loops]
-        wanted = _pairs(poses, middles, submaps, edges)
-        for submap, keyframes in zip(submaps, wanted, strict=True):
-            edges += _matches(poses, surface, submap, keyframes)
+        steps = _steps(calibration, odometry, matched, known)
+        edges = [*(edge for edge, counts in zip(steps, follows.tolist(), strict=True) if counts), *loops]
+        wanted = _pairs(poses, middles, submaps, chain_of, edges)
+        for submap, chain, keyframes in zip(submaps, chain_of, wanted, strict=True):
+            edges += _matches(poses, surface, submap, chain, keyframes)
         graph = PoseGraph(poses, edges)
         poses = solve(graph, starts=("poses",), kernel_width=_KERNEL_WIDTH, max_iterations=20).poses
-        calibration = calibrate(odometry, poses, known)
+        calibration = calibrate(odometry, poses, known & follows)
     return Refined(poses, edges, calibration)
 
 
@@ -208,9 +220,13 @@ def _steps(
 
 
 def _pairs(
-    poses: NDArray[np.float64], middles: NDArray[np.float64], submaps: list[range], edges: list[Edge]
+    poses: NDArray[np.float64],
+    middles: NDArray[np.float64],
+    submaps: list[range],
+    chains: list[range],
+    edges: list[Edge],
 ) -> list[list[int]]:
-    """Return the keyframes to match with each submap."""
+    """Return the keyframes to match with each submap; `chains`: the keyframes that follow each other around each submap."""
     from scipy.sparse import coo_matrix  # slow imports
     from scipy.sparse.csgraph import dijkstra
     from scipy.spatial import KDTree
@@ -231,13 +247,13 @@ def _pairs(
     candidates: list[list[int]] = [[] for _ in submaps]
     for k, b in zip(*np.nonzero(np.isfinite(away)), strict=True):
         other = int(nearest[k, b])
-        if abs(other - own[k]) > NEIGHBORS:
+        if abs(other - own[k]) > NEIGHBORS or k not in chains[other]:
             candidates[other].append(int(k))
     others = np.zeros(n, np.int64)
     wanted: list[list[int]] = []
     for b, submap in enumerate(submaps):
         first, last = submaps[max(b - NEIGHBORS, 0)].start, submaps[min(b + NEIGHBORS, len(submaps) - 1)].stop
-        wanted.append([k for k in range(first, last) if own[k] != b])
+        wanted.append([k for k in range(max(first, chains[b].start), min(last, chains[b].stop)) if own[k] != b])
         if candidates[b]:
             middle = submap[len(submap) // 2]
             path = np.asarray(dijkstra(graph, directed=False, indices=middle, limit=PATH_M))
@@ -248,7 +264,11 @@ def _pairs(
 
 
 def _matches(
-    poses: NDArray[np.float64], surface: Callable[[int], NDArray[np.float64]], submap: range, keyframes: list[int]
+    poses: NDArray[np.float64],
+    surface: Callable[[int], NDArray[np.float64]],
+    submap: range,
+    chain: range,
+    keyframes: list[int],
 ) -> list[Edge]:
     """Return the edges from the middle of a submap to the keyframes that match it."""
     if not keyframes:
@@ -262,7 +282,7 @@ def _matches(
         points = surface(k)
         thin = np.ascontiguousarray(points[:: -(-len(points) // POINTS)])
         start = Transform2D(*poses[k].tolist())
-        is_neighbor = abs(k - middle) < (NEIGHBORS + 1) * SUBMAP
+        is_neighbor = k in chain and abs(k - middle) < (NEIGHBORS + 1) * SUBMAP
         match = _best(surfaces, thin, start, elsewhere=is_neighbor)
         x, y, yaw = match.pose.tolist()
         far = math.hypot(x - start.x, y - start.y)

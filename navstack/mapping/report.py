@@ -39,8 +39,9 @@ class Mounting(NamedTuple):
 
 def judge_mounting(mapper: Mapper) -> Mounting:
     """Compare the direction of motion in scans, matched without the odometry, with that of the odometry."""
-    straight = [s for s in mapper.steps if math.hypot(s.odometry.x, s.odometry.y) > 0.15 and abs(s.odometry.yaw) < 0.15]
-    turns = [s for s in mapper.steps if abs(s.odometry.yaw) > 0.15]
+    steps = [s for s in mapper.steps if s.before == s.keyframe - 1]
+    straight = [s for s in steps if math.hypot(s.odometry.x, s.odometry.y) > 0.15 and abs(s.odometry.yaw) < 0.15]
+    turns = [s for s in steps if abs(s.odometry.yaw) > 0.15]
     offsets: list[float] = []
     for step in straight[:: max(1, len(straight) // _PAIRS)][:_PAIRS]:
         found = _motion_by_scans(mapper, step.keyframe, 0.3)
@@ -91,6 +92,7 @@ def report_document(mapper: Mapper) -> dict[str, Any]:
         "scans": len(stamps),
         "keyframes": len(mapper.keyframes),
         "path_m": mapper.travelled,
+        "followed_m": mapper.followed,
         "duration_s": float(stamps[-1] - stamps[0]) if len(stamps) else 0.0,
         "drift": drift,
         "loops": {
@@ -105,6 +107,7 @@ def report_document(mapper: Mapper) -> dict[str, Any]:
         "odometry_jumps": [[t, *step] for t, step in seen.jumps],
         "odometry_against_scans": [list(row) for row in against],
         "mounting": mounting._asdict(),
+        "calibration": None if mapper.calibration is None else mapper.calibration._asdict(),
     }
     document["lines"] = _lines(mapper, document, mounting)
     return document
@@ -114,9 +117,12 @@ def _drift(mapper: Mapper) -> dict[str, float]:
     """Return how far the odometry alone, and the matches alone, end from the graph (m, rad)."""
     if not mapper.steps:
         return {}
-    end = mapper.graph.poses[0]
-    odometry = matched = Transform2D(*end.tolist())
-    for step in mapper.steps:
+    odometry = matched = Transform2D(*mapper.graph.poses[0].tolist())
+    # after known places, the way to the last keyframe goes on from an older one
+    way = [mapper.steps[-1]]
+    while way[-1].before > 0:
+        way.append(mapper.steps[way[-1].before - 1])
+    for step in reversed(way):
         odometry, matched = odometry @ step.odometry, matched @ step.matched
     graph = Transform2D(*mapper.graph.poses[-1].tolist())
     a, b = graph.inverse() @ odometry, graph.inverse() @ matched
@@ -125,6 +131,7 @@ def _drift(mapper: Mapper) -> dict[str, float]:
         "odometry_rad": a.yaw,
         "matches_m": math.hypot(b.x, b.y),
         "matches_rad": b.yaw,
+        "path_m": sum(math.hypot(step.matched.x, step.matched.y) for step in way),
     }
 
 
@@ -159,13 +166,24 @@ def _lines(mapper: Mapper, d: dict[str, Any], mounting: Mounting) -> list[str]:
         f"{d['scans']} scans in {d['duration_s']:.0f} s, {d['keyframes']} keyframes on {d['path_m']:.1f} m of path",
         f"loops: {d['loops']['accepted']} accepted, {d['loops']['rejected']} rejected",
     ]
-    lines += [f"  rejected {n} times: {why}" for why, n in d["loops"]["why_rejected"].items()]
+    lines += [f"  rejected {n} time{'s' * (n != 1)}: {why}" for why, n in d["loops"]["why_rejected"].items()]
+    if d["followed_m"] > 0.0:
+        lines.append(f"known places: {d['followed_m']:.1f} m of the path needed no new keyframes")
     if d["drift"] and d["path_m"] > 0.0:
         far, turned, left = d["drift"]["odometry_m"], math.degrees(d["drift"]["odometry_rad"]), d["drift"]["matches_m"]
-        share = far / d["path_m"]
+        share = far / max(d["drift"]["path_m"], 1e-3)
         lines.append(
             f"drift at the end: odometry {far:.2f} m ({share:.1%} of the path) and {turned:+.1f} degrees; matches without "
             f"loops {left:.2f} m"
+        )
+    calibration = mapper.calibration
+    if calibration is not None and calibration.steps:
+        ahead, left, turn = calibration.noise
+        lines.append(
+            f"odometry, calibrated by {calibration.steps} steps of {calibration.mean_step:.2f} m: multiply distances by "
+            f"{calibration.scale:.4f} and turns by {calibration.turn_scale:.4f}, add {math.degrees(calibration.curve):+.2f} "
+            f"degrees per meter; noise of a step {1000.0 * ahead:.1f} mm ahead, {1000.0 * left:.1f} mm to the side, "
+            f"{math.degrees(turn):.2f} degrees"
         )
     for begin, end, count in _parts([row["stamp"] for row in d["unmatched"]])[:_SHOWN]:
         lines.append(f"does not fit: {count} scans from {begin:.1f} to {end:.1f} s match nothing before them")

@@ -19,7 +19,7 @@ from navstack.mapping.mapper import Mapper, Observations, Step
 from navstack.mapping.params import MapperParams
 from navstack.mapping.pose_graph import Edge
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 MAX_BYTES: Final = 4_000_000_000
 _ARRAYS: Final = ("ranges", "lengths", "poses", "edges", "information", "track", "document")
 
@@ -119,4 +119,6 @@ def _loop(values: dict[str, Any]) -> Loop:
 def _step(values: dict[str, Any]) -> Step:
     odometry, matched = Transform2D(*values["odometry"]), Transform2D(*values["matched"])
     sigma = float(values["sigma"][0]), float(values["sigma"][1])
-    return Step(values["keyframe"], values["stamp"], odometry, matched, sigma, _number(values["response"]))
+    return Step(
+        values["keyframe"], values["before"], values["stamp"], odometry, matched, sigma, _number(values["response"])
+    )

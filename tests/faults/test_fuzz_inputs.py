@@ -23,6 +23,14 @@ def test_mutated_inputs(kind: str) -> None:
     assert counts.unmade + counts.tracebacks + counts.large == []
 
 
+@pytest.mark.slow
+def test_maps_of_mutated_logs() -> None:
+    counts = fuzz(40, 0, ("mapping",))
+    assert counts.inputs == 40
+    assert 0 < counts.accepted < 40
+    assert counts.unmade + counts.tracebacks + counts.large == []
+
+
 def test_mutated_files_of_nav2() -> None:
     counts = fuzz(200, 1, ("nav2",))
     assert counts.inputs == 200

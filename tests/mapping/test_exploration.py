@@ -14,13 +14,12 @@ from navstack.core import Costmap, GridGeometry, InputError, OccupancyGrid, Pose
 from navstack.map_io import load_map, save_map
 from navstack.mapping import (
     Exploration,
-    ExplorationParams,
     OnlineMapper,
     exploration_report,
     goals_on,
     overrides_for_exploration,
 )
-from navstack.mapping.frontiers import find_frontiers, travel_costs
+from navstack.mapping.frontiers import ExplorationParams, find_frontiers, travel_costs
 from navstack.parameters import load_configuration
 from navstack.scenario import Scenario
 

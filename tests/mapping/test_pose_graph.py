@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from navstack.core import InputError, LogError, Transform2D
-from navstack.mapping import Edge, PoseGraph, read_g2o, solve, write_g2o
+from navstack.mapping import PoseGraph, read_g2o, solve, write_g2o
+from navstack.mapping.pose_graph import Edge
 
 SHARED = Path(__file__).parents[3] / "shared/data/carmen_raw"
 

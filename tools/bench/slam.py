@@ -3,10 +3,12 @@
     python tools/bench/slam.py graphs FOLDER
     python tools/bench/slam.py real FOLDER [--only NAME] [--out DIR]
     python tools/bench/slam.py simulated [--only NAME] [--out DIR]
+    python tools/bench/slam.py hours [--hours N] [--only MAP] [--set NAME=VALUE ..]
 
 FOLDER contains raw logs and graphs as described in the README of the shared data (`carmen_raw`). Times are those of the
 processor. `simulated` drives two logs on each of ten maps and exits with 1 if a false loop was accepted: one whose relative
-pose is more than 0.5 m or 5 degrees off.
+pose is more than 0.5 m or 5 degrees off. `hours` drives the same tour there and back again (2 scans of 90 beams a second) and
+prints what each hour costs.
 """
 
 from __future__ import annotations
@@ -270,11 +272,25 @@ def drive(path: NDArray[np.float64], speed: float = 0.6, rate: float = 5.0) -> I
 
 
 def logged(
-    grid: OccupancyGrid, lidar: LidarParams, seed: int, *, length: float, slip: bool, people: int
+    grid: OccupancyGrid,
+    lidar: LidarParams,
+    seed: int,
+    *,
+    length: float,
+    slip: bool,
+    people: int,
+    rate: float = 5.0,
+    duration: float = 0.0,
 ) -> Iterator[tuple[LoggedScan, Transform2D]]:
-    """Yield the scans of a simulated drive with a noisy odometry, and the true poses."""
+    """Yield the scans of a simulated drive with a noisy odometry, and the true poses.
+
+    `rate`: scans per second. `duration` (s): longer than the drive, it goes on back and there again.
+    """
     rng = np.random.default_rng(seed)
     path = tour(grid, rng, length)
+    if duration > 0.0:
+        there = float(np.hypot(*np.diff(path, axis=0).T).sum())
+        path = np.concatenate([path, path[::-1]] * math.ceil(0.3 * duration / there))
     walkers = []
     for _ in range(people):
         k = int(rng.integers(0, len(path) - 200)) if len(path) > 200 else 0
@@ -284,7 +300,7 @@ def logged(
     world, sensor = World(grid, shapes=walkers), Lidar(lidar, seed=seed, number=0)
     scale, bias = 1.0 + rng.normal(0.0, 0.015), rng.normal(0.0, 0.01)
     odometry, last, slipping = Transform2D(), None, 0
-    for n, (t, pose) in enumerate(drive(path)):
+    for n, (t, pose) in enumerate(drive(path, rate=rate)):
         if last is not None:
             step = last.inverse() @ pose
             d = math.hypot(step.x, step.y)
@@ -415,13 +431,51 @@ def simulated(shared: Path, only: str | None, out: Path | None) -> int:
     return false_loops
 
 
+def long_run(shared: Path, name: str, hours: float, params: MapperParams) -> None:
+    """Print time, memory and size of a mapping by the hour of a log."""
+    truth = world_map(name, shared)
+    assert truth is not None
+    lidar = LidarParams(x=0.1, beams=90, fov=math.radians(270.0), range_min=0.05, range_max=12.0, range_noise=0.02)
+    mapper, spent, due, wrong = Mapper(params), 0.0, 0.25, []
+    start: Transform2D | None = None
+    for frame, pose in logged(truth, lidar, 1, length=100.0, slip=True, people=0, rate=2.0, duration=3600.0 * hours):
+        _ = frame.scan.ranges  # measured now, so that the time is that of mapping
+        began = time.process_time()
+        mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan, frame.sensor)
+        spent += time.process_time() - began
+        start = start or pose
+        seen, true = mapper.pose, start.inverse() @ pose
+        assert seen is not None
+        wrong.append(math.hypot(seen.x - true.x, seen.y - true.y))
+        if frame.scan.stamp >= 3600.0 * due or frame.scan.stamp >= 3600.0 * hours:
+            with Path("/proc/self/statm").open() as file:
+                resident = int(file.read().split()[1]) * 4096 / 1e6
+            print(
+                f"{frame.scan.stamp / 3600.0:5.2f} h: {mapper.travelled:.0f} m, {mapper.followed:.0f} m followed, "
+                f"{len(mapper.keyframes)} keyframes, {sum(loop.accepted for loop in mapper.loops)} of {len(mapper.loops)} "
+                f"loops, {spent:.1f} s, {resident:.0f} MB, error {np.mean(wrong):.3f} m, at most {max(wrong):.3f} m",
+                flush=True,
+            )
+            due, spent, wrong = due + (0.25 if due < 1.0 else 0.5), 0.0, []
+        if frame.scan.stamp >= 3600.0 * hours:
+            break
+    began = time.process_time()
+    mapper.finish()
+    print(f"refinement: {time.process_time() - began:.1f} s")
+    _, poses = mapper.trajectory()
+    frame_of_truth = Transform2D(*start) if start is not None else Transform2D()
+    print(f"walls {near_walls(mapper.map(), truth, frame_of_truth):.1%}, {len(poses)} poses in the track")
+
+
 def main() -> int:
     """Run a study."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("study", choices=("graphs", "real", "simulated"))
+    parser.add_argument("study", choices=("graphs", "real", "simulated", "hours"))
     parser.add_argument("folder", nargs="?", type=Path, default=Path("../shared/data/carmen_raw"))
     parser.add_argument("--only")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--hours", type=float, default=10.0)
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     arguments = parser.parse_args()
     if arguments.out:
         arguments.out.mkdir(parents=True, exist_ok=True)
@@ -429,6 +483,9 @@ def main() -> int:
         graphs(arguments.folder)
     elif arguments.study == "real":
         real(arguments.folder, arguments.only, arguments.out)
+    elif arguments.study == "hours":
+        params = MapperParams.model_validate_strings(dict(text.split("=", 1) for text in arguments.set))
+        long_run(arguments.folder.parent, arguments.only or "office", arguments.hours, params)
     else:
         return min(simulated(arguments.folder.parent, arguments.only, arguments.out), 1)
     return 0

@@ -26,11 +26,14 @@ from tools.fuzz.arrays import mutated_archive, packed
 from tools.fuzz.images import mutated_image
 from tools.fuzz.launch import mutated_launch
 from tools.fuzz.logs import mutated_log, read_log, valid_logs
+from tools.fuzz.mapping import build_map, mutated_scans, valid_scans
 from tools.fuzz.text import mutated_yaml
 from tools.fuzz.trees import mutated_tree, read_tree
 from tools.fuzz.values import SPECIAL_FILES
 
 KINDS: Final = ("map", "record", "scenario", "parameters", "nav2", "launch", "log", "tree")
+SLOW_KINDS: Final = ("mapping",)
+"""Kinds that take 100 times as long as the others, and so are made only where they are asked for."""
 _SUFFIXES: Final = {
     "map": ".yaml",
     "record": ".npz",
@@ -39,6 +42,7 @@ _SUFFIXES: Final = {
     "nav2": ".yaml",
     "launch": ".launch",
     "log": ".bag",
+    "mapping": ".clf",
     "tree": ".xml",
 }
 _SPECIAL_SHARE: Final = 0.01
@@ -114,6 +118,7 @@ class Inputs:
         self.members = _record_members()
         self.worlds = _world_members()
         self.logs = valid_logs(folder)
+        self.scans = valid_scans()
         _make_special_files(folder)
 
     def make(self, kind: str, rng: random.Random) -> Input:
@@ -134,6 +139,8 @@ class Inputs:
             case "log":
                 name = rng.choice(sorted(self.logs))
                 path = self._write(f"fuzzed.{name}", mutated_log(self.logs[name], rng))
+            case "mapping":
+                path = self._write("fuzzed.clf", mutated_scans(self.scans, rng))
             case "tree":
                 path = self._write("fuzzed.xml", mutated_tree(rng))
             case "parameters":
@@ -171,6 +178,8 @@ class Inputs:
                 return lambda: _use_record(path, again=chance < 0.05)
             case "tree":
                 return lambda: read_tree(path)
+            case "mapping":
+                return lambda: build_map(path, rng)
             case "log":
                 return lambda: read_log(path, partial=chance < 0.5)
             case "scenario":
@@ -216,6 +225,8 @@ def _arguments(kind: str, name: str, chance: float) -> list[str]:
             return ["explain", "goal", name, "--json"]
         case "log":
             return ["bag", "info", name, "--partial", *(["--json"] if chance < 0.5 else [])]
+        case "mapping":
+            return ["map", "build", name, "--out", str(Path(name).with_name("built.yaml")), "--json"]
         case "parameters" if chance < 0.5:
             return ["check", "turtlebot", name, "--json"]
         case _:
