@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from navstack.fleet.fleet import FleetRobot as FleetRobot
     from navstack.fleet.fleet import is_of_fleet as is_of_fleet
     from navstack.fleet.fleet import make_fleet as make_fleet
+    from navstack.fleet.member import MemberRun as MemberRun
     from navstack.fleet.recognition import is_fleet_file as is_fleet_file
     from navstack.fleet.recognition import shipped_fleets as shipped_fleets
     from navstack.fleet.run import FleetResult as FleetResult
     from navstack.fleet.run import FleetRun as FleetRun
-    from navstack.fleet.run import MemberRun as MemberRun
     from navstack.fleet.run import replay_member as replay_member
     from navstack.fleet.run import run_fleet as run_fleet
     from navstack.fleet.run import warm_up_fleet as warm_up_fleet

@@ -12,7 +12,6 @@ from typing import Any, Final
 
 from navstack.bringup import simulated_robot, true_footprint
 from navstack.core import (
-    Event,
     InputError,
     Listener,
     NavError,
@@ -23,9 +22,11 @@ from navstack.core import (
     ensure_directory,
     working_time,
 )
+from navstack.fleet.dispatcher import Dispatcher
 from navstack.fleet.drive import GuidedDrive
 from navstack.fleet.fleet import Dies, Fleet, FleetRobot, LosesLocalization, Pushed, Silent
-from navstack.fleet.tasks import Dispatcher, TaskReport
+from navstack.fleet.member import NEVER, MemberRun, Wait
+from navstack.fleet.tasks import TaskReport
 from navstack.fleet.traffic import (
     Communication,
     Grant,
@@ -37,19 +38,16 @@ from navstack.fleet.traffic import (
     make_rule,
 )
 from navstack.record import Record
-from navstack.scenario import Run, RunResult, Step
+from navstack.scenario import RunResult, Step
 from navstack.sim import Lockstep, Nearest, SimulatedRobot
 
 TRAFFIC_PERIOD_S: Final = 0.2
 """Time between two exchanges of the robots with the traffic control (s)."""
 WARM_UP_S: Final = 2.5
 """Simulated seconds of a warm-up."""
-STANDING: Final = 0.01
-"""Below this velocity a robot stands (m/s, rad/s)."""
 CUSTOM_RULE: Final = "given in Python"
 _SAME_CONTACT_S: Final = 1.0
 _PUSH_STEP_M: Final = 0.02
-_NEVER: Final = 2**62
 
 Progress = Callable[[float, int], None]
 """Called at each step with the simulated time (s) and the number of robots that are done."""
@@ -69,17 +67,6 @@ class Contact:
 
     def __str__(self) -> str:
         return f"{self.robot} touches {self.other} at {self.time:.2f} s"
-
-
-@dataclass(frozen=True, slots=True)
-class Wait:
-    """A robot was not granted to drive on."""
-
-    robot: str
-    begin: float
-    """s."""
-    end: float
-    reason: str
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -221,69 +208,6 @@ class FleetResult:
         return f"<FleetResult: {self}>"
 
 
-class MemberRun(Run):
-    """The run of one robot of a fleet. `step` advances the whole fleet until this robot has had its next control cycle."""
-
-    def __init__(self, fleet: FleetRun, member: FleetRobot, robot: SimulatedRobot, **options: Any) -> None:
-        super().__init__(member.scenario, robot=robot, **options)
-        self.fleet, self.name = fleet, member.name
-        self.priority = member.priority
-        self.due = 0
-        """Physics step of the next control cycle."""
-        self.cycles = 0
-        self.waiting_s = 0.0
-        self.finished_s = 0.0
-        self.dead = False
-        self.silent_until = -math.inf
-        self.fault = ""
-        self.waits: list[Wait] = []
-        self.waits_since: float | None = None
-        self.wait_reason = ""
-
-    def step(self) -> bool:
-        """Advance the fleet to the next control cycle of this robot; return False when the fleet is done."""
-        before = self.cycles
-        while self.cycles == before:
-            if not self.fleet.step():
-                return False
-        return True
-
-    def cycle(self) -> None:
-        """Carry out the cycle that is due."""
-        began = self._cycle_began
-        self.end_cycle()
-        self.cycles += 1
-        if self._stands() and self.goals.under_way:
-            self.waiting_s += self.robot.time - began
-
-    def _stands(self) -> bool:
-        velocity = self.robot.state().velocity
-        return math.hypot(velocity.vx, velocity.vy) < STANDING and abs(velocity.wz) < STANDING
-
-    def tell(self, text: str, data: dict[str, Any] | None = None, *, kind: str = "info") -> None:
-        """Write an event into the record."""
-        for listener in self.move_base.listeners:
-            listener.on_event(Event(self.robot.time, kind, text, data or {}))
-
-    @property
-    def believed_pose(self) -> Pose2D:
-        """Where it believes to be, in the map."""
-        robot = self.robot
-        return robot.frames.lookup(robot.map_frame, robot.odom_frame).apply(robot.state().pose)
-
-    @property
-    def is_idle(self) -> bool:
-        """True while it has nothing to do."""
-        return self.due == _NEVER
-
-    @property
-    def guided(self) -> GuidedDrive | None:
-        """The drive to a node of the route graph that is under way."""
-        running = self.move_base.motions.running
-        motion = None if running is None else running.motion
-        return motion if isinstance(motion, GuidedDrive) else None
-
-
 class FleetRun:
     """Drives a fleet one event at a time: control cycles of robots, the exchange with the traffic control, faults.
 
@@ -341,7 +265,7 @@ class FleetRun:
         self._members = list(self.runs.values())
         self._routed = [i for i, member in enumerate(members) if (member.route or fleet.tasks) and guided]
         self._radii = [true_footprint(member.scenario.configuration).circumscribed_radius for member in members]
-        self.tasks = None if fleet.tasks is None else Dispatcher(self, fleet.tasks)
+        self.tasks = None if fleet.tasks is None else Dispatcher(self, fleet.tasks, guided=guided)
         """Gives the tasks of the fleet to its robots; None without tasks."""
         self._faults = sorted(fleet.faults, key=lambda fault: (fault.time, fault.robot, fault.kind))
         self._exchanges = 0
@@ -373,12 +297,12 @@ class FleetRun:
             for member in self._members:
                 self._schedule(member)
             self._events_at(0)
-        busy = [member for member in self._members if member.due < _NEVER]
+        busy = [member for member in self._members if member.due < NEVER]
         if not busy and not self._faults and not self._has_tasks:
             self._finish()
             return False
         self.done = False
-        step = min((member.due for member in busy), default=_NEVER)
+        step = min((member.due for member in busy), default=NEVER)
         if self._faults:
             step = min(step, self.lockstep.step_at(self._faults[0].time))
         if self._routed or self._has_tasks:
@@ -397,8 +321,8 @@ class FleetRun:
         """Begin the next cycle of a robot, at the time that it has caught up with."""
         was = member.due
         due = member.begin_cycle()
-        member.due = _NEVER if due is None else self.lockstep.step_at(due)
-        if due is None and was < _NEVER:
+        member.due = NEVER if due is None else self.lockstep.step_at(due)
+        if due is None and was < NEVER:
             member.finished_s = self.time if member.cycles else 0.0
             member.robot.scans()  # nobody fetches them any more
 
@@ -498,7 +422,7 @@ class FleetRun:
                 member.tell(f"{member.name} is silent until {fault.until:g} s")
             case _:
                 raise InputError(f"{fault!r} is no fault")
-        if member.due < _NEVER:
+        if member.due < NEVER:
             self._schedule(member)
 
     # --- traffic ------------------------------------------------------------------------------------------------------
@@ -565,7 +489,7 @@ class FleetRun:
     def _take_grant(self, member: MemberRun, grant: Grant) -> None:
         guided = member.guided
         if guided is None:
-            stays = member.due < _NEVER or (self.tasks is not None and self.tasks.keeps(member))
+            stays = member.due < NEVER or (self.tasks is not None and self.tasks.keeps(member))
             last = grant.up_to if not stays and len(grant.nodes) > 1 else None
             if last is not None and member.robot.pose.distance_to(self._pose_of(last)) > self.traffic_params.reach:
                 guided = self._make_way(member, last)
@@ -619,7 +543,7 @@ class FleetRun:
             RobotResult(
                 member.name,
                 member.result(wall_s),
-                member.finished_s if member.due == _NEVER else self.time,
+                member.finished_s if member.due == NEVER else self.time,
                 member.waiting_s,
                 self.lockstep.nearest(number),
                 tuple(c for c in contacts if member.name in (c.robot, c.other)),
@@ -658,7 +582,7 @@ def run_fleet(
             run.stop()
             break
         if progress is not None:
-            progress(run.time, sum(member.due == _NEVER for member in run.runs.values()))
+            progress(run.time, sum(member.due == NEVER for member in run.runs.values()))
     return run.result(working_time() - began)
 
 

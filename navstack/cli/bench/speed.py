@@ -59,7 +59,7 @@ def _scenario(name: str, params: list[str], overrides: list[str]) -> Scenario:
     file = scenario_file(name)
     if file is not None:
         return read_scenario(file).build(params=params or None, overrides=overrides)
-    _, grid = map_of(name, others=shipped_scenarios(), what="scenario")
+    _, grid = map_of(name, {"scenario": shipped_scenarios()})
     if name not in map_names():
         raise InputError(
             f"{name} defines no start and no goals; give a scenario file, or a packaged map: {', '.join(map_names())}",
