@@ -214,17 +214,17 @@ def test_a_recovery_is_what_nav2_counts(node: str, counts: int) -> None:
 
 
 def test_nodes_without_a_server_are_named_before_the_first_goal() -> None:
-    node = '<SmoothPath unsmoothed_path="{p}" smoothed_path="{q}"/>'
+    node = "<FollowObject/>"
     listener = Heard()
     text = f'<root BTCPP_format="4"><BehaviorTree ID="T"><Sequence><Wait/>{node}</Sequence></BehaviorTree></root>'
     move_base, robot = build(text, listener)
     (warning,) = [event for event in listener.events if event.kind == "warning"]
-    assert "uses SmoothPath, which navstack offers to no tree, so that this node fails" in warning.text
+    assert "uses FollowObject, which navstack offers to no tree, so that this node fails" in warning.text
     assert warning.data["code"] == 9063
     handle = move_base.send_goal(OFFICE_2)
     run(move_base, robot, handle)
     assert handle.result is not None
-    assert 'the server "smooth_path" rejected the goal' in handle.result.message
+    assert 'the server "follow_object" rejected the goal' in handle.result.message
     listener.events.clear()
     move_base.use_tree(find_tree(DEFAULT))
     assert not listener.events

@@ -53,7 +53,7 @@ def test_a_raw_log_becomes_a_map_that_is_explained_and_resumed(run: Run, log: Pa
     run("map", "build", str(log), "--out", str(part), "--resume", "--json")
     assert part.with_suffix(".pgm").read_bytes() == whole.with_suffix(".pgm").read_bytes()
     assert part.with_suffix(".g2o").read_bytes() == whole.with_suffix(".g2o").read_bytes()
-    cell = json.loads(run("explain", "map", str(whole), "--at", "1,0", "--json"))
+    cell = json.loads(run("explain", "map", str(whole), "--at", "1.5,0.2", "--json"))
     assert cell["state"] == "free"
     assert cell["hits"] == 0
     assert cell["misses"] == len(cell["scans"]) > 3
