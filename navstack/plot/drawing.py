@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MARK_PT = 7.0
 """Radius of the discs of start and goals, in points (1/72 inch)."""
+_MOST_TEXTS = 4
+"""Texts of marks at one place that are listed; further ones are dots."""
 
 MOST_CELLS = 1600
 """Largest number of cells along a side that are drawn one by one; finer grids are drawn in blocks."""
@@ -143,7 +145,8 @@ def _draw_group(axes: Axes, group: Sequence[Mark], points_per_m: float, zorder: 
         _arrow(axes, at, mark.pose.yaw, mark.color, MARK_PT / points_per_m, zorder)
     color = group[0].color
     face, edge = ("white", color) if any(mark.hollow for mark in group) else (color, "white")
-    label = ",".join(mark.text for mark in group)
+    texts = list(dict.fromkeys(mark.text for mark in group))
+    label = ",".join(texts[:_MOST_TEXTS]) + ("..." if len(texts) > _MOST_TEXTS else "")
     size = MARK_PT * (1.0 + 0.22 * max(len(label) - 2, 0))
     axes.plot([at.x], [at.y], "o", ms=2 * size, color=face, mec=edge, mew=1.2, zorder=zorder + 0.1)
     axes.annotate(

@@ -221,7 +221,9 @@ def _headline(records: Mapping[str, Record]) -> str:
     robots = "1 robot" if len(records) == 1 else f"{len(records)} robots"
     collisions = sum(len(record.collision_times) for record in records.values())
     hit = f", {collisions} collision{'s' * (collisions != 1)}" if collisions else ""
-    return f"{robots}: {reached} of {len(results)} goals reached in {end:.1f} s{hit}"
+    tasks = _first(records).scenario["fleet"].get("tasks")
+    done = f"{reached} of {len(results)} goals reached" if not tasks else f"{len(tasks['tasks'])} tasks"
+    return f"{robots}: {done} in {end:.1f} s{hit}"
 
 
 def _subtitle(records: Mapping[str, Record]) -> str:
