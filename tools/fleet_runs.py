@@ -4,7 +4,7 @@
 
 The world is one of discs on graph edges, to run rules by the thousand: each disc drives its granted nodes at its own speed.
 "single" is the time that the robots need one after another alone, divided by the time of all together: how many robots' work the
-fleet does. `tests/fleet` uses the same world. `navstack simulate` drives fleets with the whole stack.
+fleet does. `tests/traffic` uses the same world. `navstack simulate` drives fleets with the whole stack.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from navstack.core import Pose2D
-from navstack.fleet import Communication, Grant, RobotReport, TrafficControl, TrafficParams, make_rule
 from navstack.routes import RouteGraph, RoutePlanner, build_graph
+from navstack.traffic import Communication, Grant, RobotReport, TrafficControl, TrafficParams, make_rule
 
 RADIUS = 0.3
 

@@ -32,7 +32,6 @@ from navstack.core import NavError, short_repr
 from navstack.fleet.fleet import FAULT, FAULT_KINDS, Fleet, FleetRobot, robot_seed
 from navstack.fleet.recognition import shipped_fleets
 from navstack.fleet.task_file import TaskSpec, read_tasks
-from navstack.fleet.traffic import RULES, TrafficParams
 from navstack.parameters import (
     Configuration,
     DictNode,
@@ -52,6 +51,7 @@ from navstack.plugins import ParamModel, param
 from navstack.routes import RouteGraph, load_graph
 from navstack.scenario import ReadContext, Scenario, ScenarioSpec, check_start_on_map, read_part, scenario_error
 from navstack.sim import PedestrianMotion
+from navstack.traffic import RULES, TrafficParams
 
 SHARED: Final = (
     *("name", "description", "map", "places", "params", "set", "sim", "shapes", "seed", "time_limit", "pause"),

@@ -27,7 +27,10 @@ from navstack.fleet.drive import GuidedDrive
 from navstack.fleet.fleet import Dies, Fleet, FleetRobot, LosesLocalization, Pushed, Silent
 from navstack.fleet.member import NEVER, MemberRun, Wait
 from navstack.fleet.tasks import TaskReport
-from navstack.fleet.traffic import (
+from navstack.record import Record
+from navstack.scenario import RunResult, Step
+from navstack.sim import Lockstep, Nearest, SimulatedRobot
+from navstack.traffic import (
     Communication,
     Grant,
     RobotReport,
@@ -37,9 +40,6 @@ from navstack.fleet.traffic import (
     TrafficRule,
     make_rule,
 )
-from navstack.record import Record
-from navstack.scenario import RunResult, Step
-from navstack.sim import Lockstep, Nearest, SimulatedRobot
 
 TRAFFIC_PERIOD_S: Final = 0.2
 """Time between two exchanges of the robots with the traffic control (s)."""

@@ -15,8 +15,8 @@ import pytest
 import navstack as nav
 from navstack.bringup import BasicNavigator
 from navstack.core import InputError
-from navstack.fleet import MqttLink, NavigatorVehicle, Vda5050Robot
-from tests.fleet.vda5050_rig import Bench, check, header
+from navstack.vda5050 import MqttLink, NavigatorVehicle, Vda5050Robot
+from tests.vda5050.rig import Bench, check, header
 
 mqtt = pytest.importorskip("paho.mqtt.client")
 

@@ -7,8 +7,8 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.fleet.shunting import Move, Shunting
 from navstack.routes import RouteGraph, build_graph
+from navstack.traffic.shunting import Move, Shunting
 
 
 def moves_on(graph: RouteGraph, at: dict[str, int], mover: str, goal: int) -> list[Move] | None:

@@ -11,11 +11,11 @@ from typing import Any
 import jsonschema
 
 from navstack.core import Path, Pose2D, Twist2D
-from navstack.fleet import Vda5050Robot, VehicleState
+from navstack.vda5050 import Vda5050Robot, VehicleState
 
 SCHEMAS = {
     file.stem: json.loads(file.read_text(encoding="utf-8"))
-    for file in (File(__file__).parent / "vda5050_schemas").glob("*.schema")
+    for file in (File(__file__).parent / "schemas").glob("*.schema")
 }
 
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navstack.core import InputError, Pose2D
-from navstack.fleet import Communication, RobotReport, TrafficControl, TrafficParams, make_rule
 from navstack.routes import build_graph
+from navstack.traffic import Communication, RobotReport, TrafficControl, TrafficParams, make_rule
 from tools.fleet_runs import CASES, Case, drive, grid
 
 ROAD = build_graph({i: (2.0 * i, 0.0) for i in range(5)}, [(i, i + 1) for i in range(4)], both_ways=True)
@@ -147,7 +147,7 @@ def test_the_others_go_on_beside_a_silent_robot(rule: str, until: float) -> None
 
 def test_messages_that_take_longer_than_a_grant_lasts_are_refused() -> None:
     rule = make_rule("reservation", ROAD, TrafficParams(silence=5.0))
-    with pytest.raises(InputError, match="make silence more than 7 s"):
+    with pytest.raises(InputError, match="increase silence by more than 2 s"):
         TrafficControl(rule, Communication(delay_s=3.0))
 
 

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from navstack.core import InputError
-from tests.fleet.vda5050_rig import Bench, instant, order
+from tests.vda5050.rig import Bench, instant, order
 
 
 def test_an_order_is_driven_to_its_end() -> None:

@@ -9,7 +9,6 @@ reports, not on their order.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,9 +21,9 @@ import numpy as np
 import shapely
 
 from navstack.core import InputError, Path, Pose2D
-from navstack.fleet.shunting import Move, Shunting
 from navstack.plugins import ParamModel, param
 from navstack.routes import NoValidRouteError, RouteGraph, RoutePlanner
+from navstack.traffic.shunting import Move, Shunting
 
 _EPSILON: Final = 1e-6
 _OFF_LINE_M: Final = 0.02
@@ -114,6 +113,8 @@ class TrafficRule(ABC):
     def __init__(self, graph: RouteGraph | None = None, params: TrafficParams | None = None) -> None:
         self.graph = graph
         self.params = params or TrafficParams()
+        self.lease_s = math.inf
+        """How long a grant is valid after the report that it answers (s)."""
         self.events: list[TrafficEvent] = []
         """In the order of time."""
 
@@ -209,6 +210,7 @@ class _GraphTraffic(TrafficRule):
 
     def __init__(self, graph: RouteGraph | None = None, params: TrafficParams | None = None) -> None:
         super().__init__(_checked(graph, self.name), params)
+        self.lease_s = self.params.silence - _BRAKING_S
         self._graph = _checked(graph, self.name)
         self._planner = RoutePlanner(self._graph)
         self._xy = self._graph.xy.astype(np.float64)
@@ -603,7 +605,7 @@ class _GraphTraffic(TrafficRule):
             self._reason(robot, frozenset()),
             tuple(robot.blockers),
             time=now,
-            until=robot.report.time + self.params.silence - _BRAKING_S,
+            until=robot.report.time + self.lease_s,
         )
 
     def _reason(self, robot: _Robot, told: frozenset[str]) -> str:
@@ -967,80 +969,3 @@ def _groups(data: Mapping[str, Any]) -> frozenset[str]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError(f"mutex is {value!r}; write the name of a group or a list of names")
     return frozenset(names)
-
-
-# --- communication ----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Communication:
-    """Messages between robots and traffic control, which arrive later or not at all; each robot's fate is its own.
-
-    What is lost is drawn from the seed, the robot's name and the number of the message: the order of the robots does not matter.
-    """
-
-    delay_s: float = 0.0
-    dropout: float = 0.0
-    """Share of the messages that is lost, in each direction."""
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0):
-            raise InputError(f"the delay of the communication is {self.delay_s} s; write 0 or more", value=self.delay_s)
-        if not 0.0 <= self.dropout <= 1.0:
-            raise InputError(
-                f"the dropout of the communication is {self.dropout}; write a share, 0 to 1", value=self.dropout
-            )
-
-    def arrives(self, name: str, direction: str, number: int) -> bool:
-        """Return whether message `number` of a robot gets through."""
-        text = f"{self.seed}/{name}/{direction}/{number}".encode()
-        return int.from_bytes(hashlib.blake2b(text, digest_size=8).digest()) >= self.dropout * 2.0**64
-
-
-class TrafficControl:
-    """A rule behind a communication: takes what the robots report, and keeps the last grant that has reached each of them."""
-
-    def __init__(self, rule: TrafficRule, communication: Communication | None = None) -> None:
-        """Raises InputError if messages take so long that every grant ends before the next one arrives."""
-        self.rule = rule
-        self.communication = communication or Communication()
-        needed = 2.0 * self.communication.delay_s + _BRAKING_S
-        if isinstance(rule, _GraphTraffic) and rule.params.silence <= needed:
-            raise InputError(
-                f"messages take {self.communication.delay_s:g} s in each direction, but a robot without a report for "
-                f"{rule.params.silence:g} s has to stop; make silence more than {needed:g} s, or the delay shorter",
-                value=rule.params.silence,
-            )
-        self.grants: dict[str, Grant] = {}
-        """By the name of the robot: what it knows."""
-        self._registered: set[str] = set()
-        """Robots whose first report has arrived: it is neither late nor lost."""
-        self._reports: list[tuple[float, RobotReport]] = []
-        """On their way, with the time of their arrival."""
-        self._sent: list[tuple[float, str, Grant]] = []
-        self._number = 0
-
-    def update(self, now: float, reports: Iterable[RobotReport]) -> dict[str, Grant]:
-        """Send the reports, run the rule on those that arrive, and return the grants that the robots have by now."""
-        link, self._number = self.communication, self._number + 1
-        for report in reports:
-            if report.name not in self._registered:  # whom nobody knows of, others would be granted to drive into
-                self._registered.add(report.name)
-                self._reports.append((now, report))
-            elif link.arrives(report.name, "report", self._number):
-                self._reports.append((now + link.delay_s, report))
-        arrived = [report for due, report in self._reports if due <= now + _EPSILON]
-        self._reports = [each for each in self._reports if each[0] > now + _EPSILON]
-        latest: dict[str, RobotReport] = {}
-        for report in arrived:
-            if report.name not in latest or latest[report.name].time <= report.time:
-                latest[report.name] = report
-        for name, grant in self.rule.update(now, latest.values()).items():
-            if link.arrives(name, "grant", self._number):
-                self._sent.append((now + link.delay_s, name, grant))
-        for due, name, grant in self._sent:
-            if due <= now + _EPSILON:
-                self.grants[name] = grant
-        self._sent = [each for each in self._sent if each[0] > now + _EPSILON]
-        return dict(self.grants)
