@@ -29,14 +29,13 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         free.bind(("127.0.0.1", 0))
         number = free.getsockname()[1]
     settings = tmp_path_factory.mktemp("broker") / "mosquitto.conf"
-    settings.write_text(f"listener {number} 127.0.0.1\nallow_anonymous true\npersistence false\n")
-    with subprocess.Popen([program, "-c", settings], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as broker:
-        for _ in range(200):
-            try:
-                socket.create_connection(("127.0.0.1", number), timeout=1.0).close()
-                break
-            except OSError:
-                time.sleep(0.05)  # until the broker listens
+    settings.write_text(
+        f"listener {number} 127.0.0.1\nallow_anonymous true\npersistence false\nlog_dest stderr\nconnection_messages false\n"
+    )
+    with subprocess.Popen([program, "-c", settings], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as broker:
+        assert broker.stderr is not None and any(
+            line.rstrip().endswith(b"running") for line in broker.stderr
+        )  # it listens
         yield number
         broker.terminate()
 
