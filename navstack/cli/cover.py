@@ -306,8 +306,7 @@ def _texts(figures: dict[str, Any], planning_time_s: float) -> dict[str, str]:
         "length with the tool off": f"{figures['travel_m']:.1f} m",
         "turns": str(figures["turns"]),
         "time": f"{figures['time_s']:.0f} s" if "time_s" in figures else f"planned in {planning_time_s:.2f} s",
-        "energy": f"{figures['energy_wh']:.1f} Wh" if "time_s" in figures else "",
-    }
+    } | ({"energy": f"{figures['energy_wh']:.1f} Wh"} if "time_s" in figures else {})
 
 
 def _print(document: dict[str, Any], name: str) -> None:
@@ -317,8 +316,8 @@ def _print(document: dict[str, Any], name: str) -> None:
     )
     columns = [document["plan"], *([document["driven"]] if "driven" in document else [])]
     texts = [_texts(figures, document["planning_time_s"]) for figures in columns]
-    for label in texts[0]:
-        table.add_row(label, *(column[label] for column in texts))
+    for label in texts[-1]:
+        table.add_row(label, *(column.get(label, "") for column in texts))
     out.print(table)
     wanted, reach = document["wanted_m2"], document["plan"]["reachable_m2"]
     if wanted > reach:

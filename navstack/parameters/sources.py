@@ -104,7 +104,10 @@ def load_file(out: Sources, path: Path, shown: str, namespace: str) -> None:
     read = read_yaml(path, shown)
     out.files.append(shown)
     out.findings += read.findings
-    if not _is_other_file(out, read.root, shown):
+    if not read.root.items and not read.findings:
+        message = "the file has no parameters, so the defaults of ROS are in use; was it saved?"
+        out.add_finding("warning", "empty-file", Location(shown), message)
+    elif not _is_other_file(out, read.root, shown):
         _load_as(out, read.root, role_of(path.name), shown, namespace)
 
 

@@ -144,6 +144,15 @@ def test_several_files_with_one_role_are_an_error(tmp_path: Path) -> None:
     assert ("error", "ambiguous") in rules(str(folder))
 
 
+@pytest.mark.parametrize("text", ["", "# not written yet\n", "{}\n"])
+def test_a_file_without_parameters_is_named(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(text)
+    assert [(f.severity, f.rule, f.file) for f in read_sources([str(path)]).findings] == [
+        ("warning", "empty-file", str(path))
+    ]
+
+
 def test_overrides(tmp_path: Path) -> None:
     folder = write(tmp_path, a="DWA: {v: 1.0}\nl: {x: 1}\n")
     source = str(folder / "a.yaml")
