@@ -38,7 +38,7 @@ class LoggedSession(Session):
 
     @property
     def explained(self) -> Replayed:
-        """What explanations of the present look at."""
+        """What explanations of the current state look at."""
         return self._logged.replay
 
     def _start(self) -> None:

@@ -336,7 +336,7 @@ class Session:
 
     @property
     def explained(self) -> Replayed:
-        """What explanations of the present look at."""
+        """What explanations of the current state look at."""
         return self.run
 
     @property

@@ -100,7 +100,7 @@ def importance(tuning: TuningResult, path: Path) -> Path:
 
 
 def slices(tuning: TuningResult, path: Path, names: Sequence[str]) -> Path:
-    """Return the first objective against each of these parameters, with the present and the tuned value."""
+    """Return the first objective against each of these parameters, with the current and the tuned value."""
     objective = tuning.problem.objectives[0]
     dimensions = {d.name: d for d in tuning.problem.space}
     columns = min(_MAX_COLUMNS, len(names))

@@ -476,7 +476,7 @@ class Study:
     # --- queue --------------------------------------------------------------------------------------------------------
 
     def _enqueue_starts(self) -> None:
-        """The first candidates: the present and the recommended values, and both mixed of planner and costmaps."""
+        """The first candidates: the current and the recommended values, and both mixed of planner and costmaps."""
         present, start = self.problem.space.present(), self.problem.space.start()
         planner = {name: start[name] if "costmap" not in name else present[name] for name in present}
         costmaps = {name: present[name] if "costmap" not in name else start[name] for name in present}

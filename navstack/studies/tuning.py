@@ -275,11 +275,11 @@ def _changed(problem: Problem, candidate: Mapping[str, Value]) -> dict[str, Valu
 def _validate(
     problem: Problem, candidate: Mapping[str, Value], validation: Validation, notify: Callable[[str], None]
 ) -> Comparison | None:
-    """Return the present and the tuned parameters on the held-out cases."""
+    """Return the current and the tuned parameters on the held-out cases."""
     cases, executor = validation.held_out, validation.executor
     if executor is None:
         return None
-    notify(f"driving {len(cases)} held-out runs with the present and the tuned parameters")
+    notify(f"driving {len(cases)} held-out runs with the current and the tuned parameters")
     before = evaluate(executor, "present", (), cases)
     after = before
     if candidate:

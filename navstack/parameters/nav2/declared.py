@@ -221,7 +221,7 @@ def exported_name(kind: str, name: str, distro: int) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Names that changed: scope -> previous name -> the present one, as a user writes it.
+# Names that changed: scope -> previous name -> the current one, as a user writes it.
 
 
 RENAMED: Final[Mapping[str, Mapping[str, str]]] = {
