@@ -106,7 +106,7 @@ class StraightBehavior(Nav2Behavior[N]):
 
     def summary(self) -> str:
         """Return the distance driven."""
-        return f"{self.name} drove {self._driven:.2f} of {abs(self.distance):.2f} m"
+        return f"{self.name}: drove {self._driven:.2f} of {abs(self.distance):.2f} m"
 
 
 class BackUpParams(Nav2Params):
@@ -240,4 +240,4 @@ class Move(Motion):
 
     def summary(self) -> str:
         """Return the distance driven."""
-        return f"{self.name} drove {self._driven:.3f} of {self.distance:.3f} m"
+        return f"{self.name}: drove {self._driven:.3f} of {self.distance:.3f} m"

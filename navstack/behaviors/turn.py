@@ -251,7 +251,7 @@ class Spin(TurningBehavior[SpinParams], Nav2Behavior[SpinParams]):
     def summary(self) -> str:
         """Return the angle turned."""
         turned, target = math.degrees(self.progress.turned), math.degrees(self.params.spin_dist)
-        return f"{self.name} turned {turned:.0f} of {target:.0f} degrees"
+        return f"{self.name}: turned {turned:.0f} of {target:.0f} degrees"
 
 
 # --- spin_to_localize -------------------------------------------------------------------------------------------------
@@ -358,7 +358,7 @@ class Turn(Motion):
     def summary(self) -> str:
         """Return the angle turned."""
         turned, angle = math.degrees(self._progress.turned), math.degrees(self.angle)
-        return f"{self.name} turned {turned:.1f} of {angle:.1f} degrees"
+        return f"{self.name}: turned {turned:.1f} of {angle:.1f} degrees"
 
     def _fastest(self) -> float:
         # a robot cannot be followed through more than half a turn per cycle

@@ -75,7 +75,7 @@ def plot_fleet(
             (cross,) = picture.axes.plot(
                 *touched[:, :2].T, "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, ls="none", zorder=9
             )
-            entries.append((cross, "collision"))
+            entries.append((cross, "contact"))
         entries += [(disc_handle(colors.INK, hollow=True), "start"), (disc_handle(colors.INK), "goal")]
         picture.legend(entries + ([] if first.map is None else occupancy_legend(first.map)))
         return picture.finish(path, dpi)
@@ -219,8 +219,9 @@ def _headline(records: Mapping[str, Record]) -> str:
     reached = sum(result.get("state") == "SUCCEEDED" for result in results)
     end = max(float(record.times[-1]) for record in records.values() if len(record.times))
     robots = "1 robot" if len(records) == 1 else f"{len(records)} robots"
-    collisions = sum(len(record.collision_times) for record in records.values())
-    hit = f", {collisions} collision{'s' * (collisions != 1)}" if collisions else ""
+    # a record does not name the other robot: the number of contacts is not known here
+    touched = sum(len(record.collision_times) > 0 for record in records.values())
+    hit = f", {touched} robot{'s' * (touched != 1)} with contacts" if touched else ""
     tasks = _first(records).scenario["fleet"].get("tasks")
     done = f"{reached} of {len(results)} goals reached" if not tasks else f"{len(tasks['tasks'])} tasks"
     return f"{robots}: {done} in {end:.1f} s{hit}"

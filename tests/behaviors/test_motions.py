@@ -243,7 +243,7 @@ def test_a_motion_leaves_what_the_footprint_overlaps(known: bool) -> None:
 
 def test_a_robot_that_does_not_move_times_out() -> None:
     stage = Stage(Move(1.0, params(time_allowance=3.0)), velocity_lag=1e3)
-    with pytest.raises(MotionTimeoutError, match=r"move drove 0\.00. of 1\.000 m within its time allowance of 3\.0 s"):
+    with pytest.raises(MotionTimeoutError, match=r"move: drove 0\.00. of 1\.000 m within its time allowance of 3\.0 s"):
         stage.run()
     assert stage.times[-1] <= 3.1
 

@@ -49,7 +49,7 @@ def test_turn_by_any_angle_in_a_scenario(capsys: pytest.CaptureFixture[str]) -> 
     assert found["goals"][0]["step"] == "turn -400 deg"
     assert found["goals"][0]["figures"]["turned_rad"] == pytest.approx(-6.981, abs=0.02)
     assert run(["turn", "270deg", "--shortest"]) == 0
-    assert "turn turned -89.9 of -90.0 degrees" in capsys.readouterr().out
+    assert "turn: turned -89.9 of -90.0 degrees" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -119,7 +119,7 @@ def _yaw(row: list[float]) -> float:
 def test_linear_move(robot: Robot) -> None:
     """Defaults of the page: topic, frames with a slash, speeds, tolerances; constant speed, zero at the end."""
     before = wait_for(lambda: (seen := robot.observed())["truth"] and seen, "the true pose")
-    assert "LinearMove drove 0.3" in robot.run("linear_move", "_t_dis:=0.4", "__name:=mover")
+    assert "LinearMove: drove 0.3" in robot.run("linear_move", "_t_dis:=0.4", "__name:=mover")
     seen = robot.observed()
     moved, first = seen["twists"][len(before["twists"]) :], seen["truth"][-1]
     assert {tuple(t[2:]) for t in moved} == {(0.0, 0.0, 0.0)}

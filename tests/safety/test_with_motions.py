@@ -106,7 +106,7 @@ def test_a_move_waits_until_the_way_is_free() -> None:
 def test_a_move_that_waits_too_long_ends_with_its_time_allowance() -> None:
     outcome, rows = run({"move": 2.0}, STOP_AHEAD, box(1.5, 0.0, 1.0))
     assert (outcome.state, outcome.error_name) == ("ABORTED", "TIMEOUT")
-    assert "move drove 0.3" in outcome.message
+    assert "move: drove 0.3" in outcome.message
     assert "within its time allowance" in outcome.message
     assert (held(rows, "stop")["t"][0] < 3.0) and (rows["t"][-1] > 20.0)
 
