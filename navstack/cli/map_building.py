@@ -92,15 +92,11 @@ def build(
     )
     with loading_kernels(quiet=json_):
         _add_scans(mapper, drive, files["mapping"], no_odometry, turn_laser, limit, quiet=json_)
-        unfinished = limit is not None
-        if unfinished:
-            save_session(mapper, files["mapping"])
         mapper.finish()
         grid = mapper.map()
         document = report_document(mapper)
     written = save_map(grid, out)
-    if not unfinished:
-        save_session(mapper, files["mapping"])
+    save_session(mapper, files["mapping"])
     write_g2o(mapper.final_graph or mapper.graph, files["graph"])
     plot_mapping(mapper, files["picture"], grid=grid, title=f"map of {log.name}")
     document["files"] = {"map": str(written[0]), "image": str(written[1])}
