@@ -39,7 +39,13 @@ def explore(
     map_: options.Map,
     params: options.Params = ["turtlebot"],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the map, its picture and the report.")
+        Path,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the map, its picture and the report.",
+            callback=options.folder_only,
+        ),
     ] = Path("navstack_explore"),
     start: options.Start = None,
     drive: Annotated[
