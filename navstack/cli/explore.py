@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -35,11 +36,21 @@ if TYPE_CHECKING:
     from navstack.core import OccupancyGrid
 
 
+_NARROW_RAD: Final = 0.5 * math.pi
+"""Scans of a smaller angle than this do not suffice for a map: those of depth cameras."""
+
+
 def explore(
     map_: options.Map,
     params: options.Params = ["turtlebot"],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the map, its picture and the report.")
+        Path,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the map, its picture and the report.",
+            callback=options.folder_only,
+        ),
     ] = Path("navstack_explore"),
     start: options.Start = None,
     drive: Annotated[
@@ -60,13 +71,21 @@ def explore(
 
     The robot has its first pose, its odometry and its scans. The map is made while it drives, and its plans are on it.
 
-    Frontiers that it did not get to are listed. If 99 % of what is in reach is known all the same, the world is explored.
+    Frontiers that it did not get to are listed. If 99 % of what is in reach is known all the same, the world is explored. It is
+    not if the robot sees no way on, but less than 90 % is known: its map is wrong then.
 
     Exit codes: 0 explored, and every goal of --drive reached; 1 not; 2 invalid input; 130 interrupted.
     """
     path, world = map_of(map_)
     configuration = load_configuration(params, overrides=set_, distro=distro)
     print_findings(configuration.findings, params, set_)
+    sim = configuration.navstack.sim
+    widest = max((sim.lidar(name).fov for name in sim.lasers), default=math.tau)
+    if widest < _NARROW_RAD:
+        print_note(
+            f"scans of {math.degrees(widest):.0f} degrees show too little of a corridor to be matched, so the map is likely "
+            "wrong; a wider lidar: --set navstack.sim.laser.fov=4.7 --set navstack.sim.laser.range_max=12.0"
+        )
     maps = load_configuration(params, overrides=[*overrides_for_exploration(), *set_], distro=distro)
     if configuration.navstack.sim.localization not in ("amcl", "scan_matching"):
         # whoever drives on a map of its own must find itself there

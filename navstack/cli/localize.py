@@ -180,10 +180,17 @@ def localize(
             "--out",
             metavar="DIR",
             help="Folder for localize.json, localize.png, errors.png and trajectory.csv; of --starts: starts.json, .png, .csv.",
+            callback=options.folder_only,
         ),
     ] = None,
     animate: Annotated[
-        Path | None, typer.Option("--animate", metavar="FILE", help="Animation of the particles (.gif, .mp4).")
+        Path | None,
+        typer.Option(
+            "--animate",
+            metavar="FILE",
+            help="Animation of the particles (.gif, .mp4).",
+            callback=options.writable,
+        ),
     ] = None,
     json_: options.Json = False,
 ) -> None:

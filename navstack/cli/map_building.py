@@ -16,7 +16,7 @@ from navstack.cli import options
 from navstack.cli.log_options import LogFile, Mount, Partial, Topic, drive_options, print_drive_notes
 from navstack.cli.options import file_in
 from navstack.cli.output import loading_kernels, print_files, print_json, print_note, shows_progress, stderr
-from navstack.core import InputError, Transform2D, exists, short_repr, write_json
+from navstack.core import InputError, Transform2D, ensure_directory, exists, short_repr, write_json
 from navstack.localization import LoggedScan
 from navstack.logs import ScanLog, open_scan_log
 from navstack.map_io import save_map
@@ -90,17 +90,14 @@ def build(
     drive = open_scan_log(
         log, drive_options(topic, mount, reference="none", partial=partial, poses_suffice=no_odometry)
     )
+    ensure_directory(out.parent)
     with loading_kernels(quiet=json_):
         _add_scans(mapper, drive, files["mapping"], no_odometry, turn_laser, limit, quiet=json_)
-        unfinished = limit is not None
-        if unfinished:
-            save_session(mapper, files["mapping"])
         mapper.finish()
         grid = mapper.map()
         document = report_document(mapper)
     written = save_map(grid, out)
-    if not unfinished:
-        save_session(mapper, files["mapping"])
+    save_session(mapper, files["mapping"])
     write_g2o(mapper.final_graph or mapper.graph, files["graph"])
     plot_mapping(mapper, files["picture"], grid=grid, title=f"map of {log.name}")
     document["files"] = {"map": str(written[0]), "image": str(written[1])}

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, get_type_hints
 
 import typer
 
-from navstack.core import InputError, OutputError, ensure_directory, is_dir
+from navstack.core import InputError, OutputError, check_writable, ensure_directory, is_dir
 from navstack.map_io import map_names
 from navstack.parameters import NAV2_DISTROS, packaged_sets
 from navstack.plot import FORMATS, paper_style
@@ -33,9 +33,9 @@ def file_in(default: str) -> Callable[[Path | None], Path | None]:
     """Checks and completes `--out` of a command that writes one file: in a folder, the file is called `default`."""
 
     def complete(out: Path | None) -> Path | None:
-        if out is None or names_a_file(out):
-            return out
-        return out / default
+        if out is None:
+            return None
+        return check_writable(out if names_a_file(out) else out / default)
 
     return complete
 
@@ -48,7 +48,12 @@ def folder_only(out: Path | None) -> Path | None:
             f"{out.with_suffix('')}",
             path=str(out),
         )
-    return out
+    return writable(out)
+
+
+def writable(out: Path | None) -> Path | None:
+    """Checks, before the work, that `--out` can be written. Raises OutputError."""
+    return None if out is None else check_writable(out)
 
 
 def chosen_files(out: Path, products: Mapping[str, str]) -> dict[str, Path]:
@@ -257,6 +262,7 @@ def both_files(picture: str, document: str) -> Any:
         "--out",
         metavar="DIR|FILE",
         help=f"Folder for {picture} and {document}; or one file: a picture (.png, .svg, .pdf) or the document (.json).",
+        callback=writable,
     )
 
 

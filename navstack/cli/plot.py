@@ -76,6 +76,7 @@ def plot(
             metavar="FILE|DIR",
             help="Write a picture (.png, .svg or .pdf); in a folder: run.png or MAP.png. "
             "[default: run.png next to the record, or MAP.png]",
+            callback=options.writable,
         ),
     ] = None,
     animate: Annotated[

@@ -22,6 +22,7 @@ def report(
             "--out",
             metavar="FILE|DIR",
             help="Write the page here; in a folder: report.html. [default: report.html next to the record]",
+            callback=options.writable,
         ),
     ] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Add an animation of the run.")] = True,

@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from navstack.core.file_lock import locked_folder as locked_folder
     from navstack.core.file_lock import try_lock as try_lock
     from navstack.core.files import atomic_write as atomic_write
+    from navstack.core.files import check_writable as check_writable
     from navstack.core.files import ensure_directory as ensure_directory
     from navstack.core.files import exists as exists
     from navstack.core.files import is_dir as is_dir

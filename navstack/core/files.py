@@ -61,6 +61,23 @@ def ensure_directory(path: Path) -> Path:
     return path
 
 
+def check_writable(path: Path) -> Path:
+    """Raise OutputError unless `path`, a folder or a file, can be written, its folder being made if there is none."""
+    above = path
+    while not exists(above) and above != above.parent:
+        above = above.parent
+    if not is_dir(above) and above != path:
+        raise OutputError(
+            f"cannot write {path}: {above} is not a folder; choose another place with --out", path=str(path)
+        )
+    folder = above if is_dir(above) else above.parent
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputError(
+            f"cannot write {path}: {folder} is not writable; choose another place with --out", path=str(path)
+        )
+    return path
+
+
 @contextmanager
 def atomic_write(path: Path) -> Generator[Path]:
     """Yield a temporary file name next to `path` with the same suffix; rename it to `path` on success, remove it on failure."""

@@ -34,6 +34,9 @@ _COMPLETE: Final = "nothing that the robot can reach is unknown"
 _KNOWN_SHARE: Final = 0.99
 """Share of the space in reach from which a world is explored, though the robot did not get to some frontiers: they are corners
 behind which hardly anything is, or noise at the edge of the map."""
+_BELIEVED_SHARE: Final = 0.9
+"""The same where it sees no way on: gaps that its padded footprint keeps out of are a small share. Of a map that is wrong, more
+is missing."""
 
 
 def overrides_for_exploration() -> list[str]:
@@ -277,9 +280,16 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
     estimate, truth = exploration.believed, run.robot.pose
     visits = exploration.visits
     resolution = grid.geometry.resolution
+    ended, off = exploration.ended, truth.distance_to(estimate)
+    needed = _BELIEVED_SHARE if exploration.is_complete else _KNOWN_SHARE
+    if exploration.is_complete and share < needed:
+        ended = (
+            f"the robot sees no way on, but {1.0 - share:.0%} of what is in reach is not in its map: the map is wrong (the pose "
+            f"is off by {off:.2f} m), or its ways are too narrow for the robot"
+        )
     return {
-        "ended": exploration.ended,
-        "complete": exploration.is_complete or (exploration.is_exhausted and share >= _KNOWN_SHARE),
+        "ended": ended,
+        "complete": exploration.is_exhausted and share >= needed,
         "time_s": run.robot.time,
         "distance_m": run.path_length,
         "contacts": len(run.robot.collisions),
@@ -287,7 +297,7 @@ def exploration_report(exploration: Exploration, grid: OccupancyGrid) -> dict[st
         "reachable_m2": float(len(iy)) * world.geometry.resolution**2,
         "reachable_known": share,
         "walls_within_a_cell": exact,
-        "position_error_m": truth.distance_to(estimate),
+        "position_error_m": off,
         "keyframes": exploration.mapper.keyframes,
         "loops_accepted": sum(1 for loop in exploration.mapper.mapper.loops if loop.accepted),
         "goals": len(visits),

@@ -12,6 +12,7 @@ The same scans in the same order give the same map, to the bit.
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from array import array
 from collections import OrderedDict, deque
@@ -65,6 +66,11 @@ DRIFT_PER_M: Final = 0.02
 """Drift to expect between two keyframes, and of it per length of the path between them."""
 KERNEL_WIDTH: Final = 3.0
 """Loops with an error of more standard deviations than this lose weight when the graph is solved."""
+SOLVED_STEP: Final = 0.005
+"""While scans come, the graph is solved until no pose moves by more (m, rad): a match corrects much more."""
+MOST_STRAIN: Final = 5.0
+LEAST_STRAIN: Final = 1.0
+"""Loops are wrong if a match along the way is then off by more standard deviations, and by so much more than before them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +104,16 @@ class Step(NamedTuple):
     sigma: tuple[float, float]
     """Standard error that was expected of the odometry (m, rad)."""
     response: float
+
+
+@dataclass(slots=True)
+class Unfinished:
+    """What `Mapper.finish` changes, as it was before: more scans go on from there."""
+
+    poses: NDArray[np.float64]
+    pending: list[Loop]
+    decided: int
+    """Number of loops that were decided."""
 
 
 @dataclass(slots=True)
@@ -197,6 +213,8 @@ class Mapper:
         self.observations = Observations()
         self.pending: list[Loop] = []
         """Loops that wait for a second match."""
+        self.unfinished: Unfinished | None = None
+        """The state that further scans go on from; None before `finish`."""
         self.final_graph: PoseGraph | None = None
         """The graph of the refinement, whose solution the poses are; None before `finish`."""
         self.calibration: Calibration | None = None
@@ -230,7 +248,8 @@ class Mapper:
         self._velocity = Transform2D()
         self._local: Surfaces | None = None
         self._intervals: deque[float] = deque(maxlen=50)
-        self._unsolved = 0
+        self._waiting: list[list[Loop]] = []
+        """Loops that were accepted since the graph was solved, those together that confirm each other."""
         self._tried_at = -math.inf
 
     # --- what others read ---------------------------------------------------------------------------------------------
@@ -280,6 +299,7 @@ class Mapper:
             scan: the scan; its own stamp is not used.
             sensor: pose of the sensor in the base frame; None: that of the base.
         """
+        self._go_on()
         mounting = sensor or Transform2D()
         reason = self._defect(stamp, odometry, scan, mounting)
         odom = None if odometry is None else Transform2D(*odometry)
@@ -316,12 +336,18 @@ class Mapper:
         return self._match(stamp, scan, mounting, surface, step if not has_odometry else None)
 
     def finish(self) -> None:
-        """Decide what is pending, and refine the poses; more scans may follow."""
+        """Decide what is pending, and refine the poses.
+
+        More scans may follow: the mapping then goes on as if it had not been finished.
+        """
+        self._go_on()
+        self.unfinished = Unfinished(self.graph.poses.copy(), self.pending, len(self.loops))
         for loop in self.pending:
             self._decide(loop, False, "no second match confirmed it")
-        self.pending.clear()
-        if self._unsolved:
-            self._solve()
+        self.pending = []
+        if any(edge.is_loop for edge in self.graph.edges):
+            solution = solve(self.graph, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20)
+            self._poses[: len(solution.poses)] = solution.poses
         final = self._refine() or self.graph
         chi2 = final.edge_chi2() if final.edges else np.empty(0)
         accepted = {(loop.place, loop.keyframe) for loop in self.loops if loop.accepted}
@@ -330,6 +356,15 @@ class Mapper:
         for loop in self.loops:
             if loop.accepted:
                 loop.residual = by_nodes.get((loop.place, loop.keyframe), math.nan)
+
+    def _go_on(self) -> None:
+        """Undo what `finish` has changed."""
+        if self.unfinished is None:
+            return
+        self._poses[: len(self.graph.poses)] = self.unfinished.poses
+        self.pending = self.unfinished.pending
+        del self.loops[self.unfinished.decided :]
+        self.unfinished = self.final_graph = self.calibration = None
 
     def state(self) -> dict[str, Any]:
         """Return what else the mapper needs to go on, for JSON; `restore` takes it."""
@@ -342,7 +377,8 @@ class Mapper:
             "matched": list(self._matched),
             "velocity": list(self._velocity),
             "intervals": list(self._intervals),
-            "unsolved": self._unsolved,
+            "decided": None if self.unfinished is None else self.unfinished.decided,
+            "waiting": [[self.loops.index(loop) for loop in group] for group in self._waiting],
             "tried_at": self._tried_at if math.isfinite(self._tried_at) else None,
             "travelled": self._travelled,
             "path": [self.travelled, self.followed, self._open_m],
@@ -354,8 +390,17 @@ class Mapper:
             "middles": self._middles.tolist(),
         }
 
-    def restore(self, poses: NDArray[np.float64], edges: list[Edge], state: dict[str, Any]) -> None:
-        """Take the poses (n, 3) of the keyframes, the edges, and what `state` returned."""
+    def restore(
+        self,
+        poses: NDArray[np.float64],
+        edges: list[Edge],
+        state: dict[str, Any],
+        unfinished: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Take the poses (n, 3) of the keyframes, the edges, and what `state` returned.
+
+        `unfinished`: the poses to go on from; None for a mapping that is not finished.
+        """
         self._poses = np.concatenate((poses, np.empty((max(64, len(poses)), 3))))
         self.graph = PoseGraph(self._poses[: len(poses)], edges)
         last = state["last"]
@@ -363,7 +408,7 @@ class Mapper:
         self._moved, self._driven = Transform2D(*state["moved"]), Transform2D(*state["driven"])
         self._matched, self._velocity = Transform2D(*state["matched"]), Transform2D(*state["velocity"])
         self._intervals.extend(state["intervals"])
-        self._unsolved = state["unsolved"]
+        self._waiting = [[self.loops[n] for n in group] for group in state["waiting"]]
         self._tried_at = -math.inf if state["tried_at"] is None else state["tried_at"]
         self._travelled, self._middles = state["travelled"], array("d", np.ravel(state["middles"]).tolist())
         self.travelled, self.followed, self._open_m = state["path"]
@@ -372,6 +417,9 @@ class Mapper:
         self._links = array("d")
         for edge, length in zip(edges, state["lengths"], strict=True):
             self._links.extend((edge.i, edge.j, length))
+        if unfinished is not None:
+            self.unfinished = Unfinished(unfinished, self.pending, state["decided"])
+            self.pending = []
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
@@ -605,7 +653,8 @@ class Mapper:
             ]
             self.pending.append(loop)
             if partners:
-                decided += self._accept([*partners, loop])
+                self._accept([*partners, loop])
+                decided += [*partners, loop]
                 break
         return tuple(decided)
 
@@ -697,32 +746,49 @@ class Mapper:
         self.loops.append(loop)
         return loop
 
-    def _accept(self, loops: list[Loop]) -> list[Loop]:
+    def _accept(self, loops: list[Loop]) -> None:
         """Add loops that confirm each other to the graph, unless the way between them then contradicts its matches."""
-        edges = len(self.graph.edges)
-        poses, unsolved = self.graph.poses.copy(), self._unsolved
+        numbers = [loop.keyframe for loop in loops]
         for loop in loops:
             self.pending.remove(loop)
+            confirmed_by = next(n for n in reversed(numbers) if n != loop.keyframe)
+            self._decide(loop, True, f"confirmed by keyframe {confirmed_by}")
+        self._add(loops)
+        self._waiting.append(loops)
+        large = any(math.hypot(x, y) > 0.05 or abs(yaw) > 0.01 for x, y, yaw in (loop.correction for loop in loops))
+        # of a long mapping, more wait: each solution takes time by the size of the graph
+        if large or sum(map(len, self._waiting)) > max(20, len(self.keyframes) // 50):
+            self._solve_waiting()
+
+    def _solve_waiting(self) -> None:
+        """Solve the graph with the loops that wait; reject those that contradict the matches along the way."""
+        groups, self._waiting = self._waiting, []
+        worst = self._solve()
+        if worst <= MOST_STRAIN:
+            return
+        if len(groups) > 1:
+            # one that waited may be the wrong one: all again, one after the other
+            self._remove([loop for group in groups for loop in group])
+        for group in groups:
+            if len(groups) > 1:
+                self._add(group)
+                worst = self._solve()
+            if worst > MOST_STRAIN:
+                self._remove(group)
+                for loop in group:
+                    loop.accepted = False
+                    loop.reason = f"a match along the way would be off by {worst:.1f} standard deviations"
+
+    def _add(self, loops: list[Loop]) -> None:
+        for loop in loops:
             self.graph.edges.append(Edge(loop.place, loop.keyframe, loop.measured, loop.information, True))
             self._links.extend((loop.place, loop.keyframe, math.hypot(loop.measured.x, loop.measured.y)))
-        numbers = [loop.keyframe for loop in loops]
-        large = any(math.hypot(x, y) > 0.05 or abs(yaw) > 0.01 for x, y, yaw in (loop.correction for loop in loops))
-        self._unsolved += len(loops)
-        # of a long mapping, more wait: each solution takes time by the size of the graph
-        if large or self._unsolved > max(20, len(self.keyframes) // 50):
-            worst = self._solve()
-            if worst > 5.0:
-                del self.graph.edges[edges:], self._links[3 * edges :]
-                self._poses[: len(poses)] = poses
-                self._unsolved, self._local = unsolved, None
-                reason = f"a match along the way would be off by {worst:.1f} standard deviations"
-                return [self._decide(loop, False, reason) for loop in loops]
-        return [
-            self._decide(
-                loop, True, f"confirmed by keyframe {next(n for n in reversed(numbers) if n != loop.keyframe)}"
-            )
-            for loop in loops
-        ]
+
+    def _remove(self, loops: list[Loop]) -> None:
+        wrong = {(loop.place, loop.keyframe) for loop in loops}
+        keep = [not edge.is_loop or (edge.i, edge.j) not in wrong for edge in self.graph.edges]
+        self.graph.edges[:] = itertools.compress(self.graph.edges, keep)
+        self._links = array("d", np.array(self._links).reshape(-1, 3)[keep].tobytes())
 
     def _refine(self) -> PoseGraph | None:
         """Match every keyframe with all places near it; see `refine`."""
@@ -739,19 +805,26 @@ class Mapper:
             self._starts,
         )
         self._poses[: len(found.poses)] = found.poses
-        self._local, self.calibration = None, found.calibration
+        self.calibration = found.calibration
         self.final_graph = PoseGraph(self.graph.poses, found.edges)
         return self.final_graph
 
     def _solve(self) -> float:
-        """Solve the graph; return the largest error of a match between keyframes that follow each other (sigma)."""
-        solution = solve(self.graph, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20)
-        self._poses[: len(solution.poses)] = solution.poses
-        self._local, self._unsolved = None, 0
-        chi2 = self.graph.edge_chi2()
-        return math.sqrt(
-            max((c for c, e in zip(chi2.tolist(), self.graph.edges, strict=True) if not e.is_loop), default=0.0)
+        """Solve the graph; return the largest error of a match between keyframes that it has made larger (sigma).
+
+        The poses stay if that is too much.
+        """
+        before = np.sqrt(np.maximum(self.graph.edge_chi2(), 0.0))
+        solution = solve(
+            self.graph, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20, least_step=SOLVED_STEP
         )
+        after = np.sqrt(np.maximum(solution.edge_chi2, 0.0))
+        matches = np.array([not edge.is_loop for edge in self.graph.edges])
+        worst = float(after[matches & (after > before + LEAST_STRAIN)].max(initial=0.0))
+        if worst <= MOST_STRAIN:
+            self._poses[: len(solution.poses)] = solution.poses
+            self._local = None
+        return worst
 
 
 def _expand(scan: LaserScan) -> LaserScan:

@@ -51,9 +51,7 @@ class PoseGraph:
 
     def edge_chi2(self, poses: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Return (m,) e' I e of each edge, at the poses of the graph or at others."""
-        arrays = _Arrays.of(self.edges)
-        e = _errors(arrays, self.poses if poses is None else poses)
-        return np.einsum("ma,mab,mb->m", e, arrays.information, e)
+        return _chi2(_Arrays.of(self.edges), self.poses if poses is None else poses)
 
 
 class Solution(NamedTuple):
@@ -63,6 +61,8 @@ class Solution(NamedTuple):
     """(n, 3); the first pose is that of the graph."""
     chi2: float
     """Without the robust kernel."""
+    edge_chi2: NDArray[np.float64]
+    """(m,) of each edge."""
     iterations: int
     """Accepted steps, of the start that won."""
     start: str
@@ -87,7 +87,10 @@ class _Arrays:
             np.array([edge.i for edge in edges], np.int64),
             np.array([edge.j for edge in edges], np.int64),
             np.array([edge.measured for edge in edges], np.float64).reshape(m, 3),
-            np.array([edge.information for edge in edges], np.float64).reshape(m, 3, 3),
+            # many times as fast as an array of arrays
+            np.concatenate([edge.information for edge in edges], dtype=np.float64).reshape(m, 3, 3)
+            if edges
+            else np.empty((0, 3, 3)),
             np.array([edge.is_loop for edge in edges], np.bool_),
         )
 
@@ -106,6 +109,7 @@ def solve(
     starts: Iterable[str] = ("rotations", "tree"),
     kernel_width: float | None = None,
     max_iterations: int = 100,
+    least_step: float = 0.0,
 ) -> Solution:
     """Return the poses with the least chi2, by Levenberg-Marquardt from each of the `starts`; the best result counts.
 
@@ -113,13 +117,15 @@ def solve(
     but for whole turns, then positions, which are linear given the headings). Far from the optimum the cost has local minima,
     and a start from rotations is the least likely to end in one. `kernel_width`: edges with `is_loop` have the cost of Cauchy
     with this width, in standard deviations, so that a wrong loop cannot bend the graph; None: every edge counts in full.
-    The first pose stays. Raises InputError for a graph that is empty or in several pieces.
+    `least_step` (m, rad): the search also ends when a step moves no pose by more; 0: at the optimum. The first pose stays.
+    Raises InputError for a graph that is empty or in several pieces.
     """
     n = len(graph.poses)
     if n == 0 or (n > 1 and not graph.edges):
         raise InputError(f"the graph has {n} poses and {len(graph.edges)} edges, so there is nothing to solve")
     if n == 1:
-        return Solution(graph.poses.copy(), graph.chi2() if graph.edges else 0.0, 0, "poses", True)
+        chi2 = graph.edge_chi2()
+        return Solution(graph.poses.copy(), float(chi2.sum()), chi2, 0, "poses", True)
     arrays = _Arrays.of(graph.edges)
     best: tuple[float, Solution] | None = None
     for start in starts:
@@ -129,10 +135,11 @@ def solve(
             poses = _from_tree(graph, arrays)
             if start == "rotations":
                 poses = _from_rotations(arrays, poses)
-        cost, poses, count, converged = _descend(arrays, poses, kernel_width, max_iterations)
+        cost, poses, count, converged = _descend(arrays, poses, kernel_width, max_iterations, least_step)
         poses[:, 2] = normalize_angles(poses[:, 2])
         if best is None or cost < best[0]:
-            best = cost, Solution(poses, graph.chi2(poses), count, start, converged)
+            chi2 = _chi2(arrays, poses)
+            best = cost, Solution(poses, float(chi2.sum()), chi2, count, start, converged)
     if best is None:
         raise InputError('give at least one start: "poses", "rotations" or "tree"', argument="starts")
     return best[1]
@@ -146,6 +153,12 @@ def _errors(arrays: _Arrays, poses: NDArray[np.float64]) -> NDArray[np.float64]:
     out[:, :2] = _rotated(delta - z[:, :2], -z[:, 2])
     out[:, 2] = normalize_angles(second[:, 2] - first[:, 2] - z[:, 2])
     return out
+
+
+def _chi2(arrays: _Arrays, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (m,) e' I e of each edge."""
+    e = _errors(arrays, poses)
+    return np.einsum("ma,mab,mb->m", e, arrays.information, e)
 
 
 def _rotated(points: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -182,7 +195,7 @@ def _cost(
 
 
 def _descend(
-    arrays: _Arrays, poses: NDArray[np.float64], width: float | None, max_iterations: int
+    arrays: _Arrays, poses: NDArray[np.float64], width: float | None, max_iterations: int, least_step: float
 ) -> tuple[float, NDArray[np.float64], int, bool]:
     """Return cost, poses, number of steps and whether they converged (Levenberg-Marquardt with Nielsen's damping)."""
     cost, e, weights = _cost(arrays, poses, width)
@@ -205,7 +218,7 @@ def _descend(
         decrease = cost - now
         poses, cost, e, weights = moved, now, e_now, weights_now
         damping, growth, steps = max(damping / 10.0, 1e-12), 2.0, steps + 1
-        if decrease <= _CONVERGED * (cost + 1e-12):
+        if decrease <= _CONVERGED * (cost + 1e-12) or float(np.abs(step).max()) < least_step:
             return cost, poses, steps, True
     return cost, poses, steps, False
 

@@ -19,14 +19,14 @@ from navstack.mapping.mapper import Mapper, Observations, Step
 from navstack.mapping.params import MapperParams
 from navstack.mapping.pose_graph import Edge
 
-FORMAT: Final = 2
+FORMAT: Final = 3
 MAX_BYTES: Final = 4_000_000_000
-_ARRAYS: Final = ("ranges", "lengths", "poses", "edges", "information", "track", "document")
+_ARRAYS: Final = ("ranges", "lengths", "poses", "unfinished", "edges", "information", "track", "document")
 
 
 def save_session(mapper: Mapper, path: str | Path) -> Path:
-    """Write a mapping; `load_session` returns one that goes on with the same bits."""
-    store, edges = mapper.keyframes, mapper.graph.edges
+    """Write a mapping, finished or not; `load_session` returns one that goes on with the same bits."""
+    store, edges, unfinished = mapper.keyframes, mapper.graph.edges, mapper.unfinished
     document = {
         "format": FORMAT,
         "params": mapper.params.model_dump(mode="json"),
@@ -34,7 +34,7 @@ def save_session(mapper: Mapper, path: str | Path) -> Path:
         "setups": store.setups,
         "known_setups": store.known_setups,
         "loops": [asdict(loop) for loop in mapper.loops],
-        "pending": [asdict(loop) for loop in mapper.pending],
+        "pending": [asdict(loop) for loop in (unfinished or mapper).pending],
         "steps": [step._asdict() for step in mapper.steps],
         "observations": asdict(mapper.observations),
         "state": mapper.state(),
@@ -43,6 +43,7 @@ def save_session(mapper: Mapper, path: str | Path) -> Path:
         "ranges": np.concatenate(store.ranges) if store.ranges else np.empty(0, np.uint16),
         "lengths": np.array([len(ranges) for ranges in store.ranges], np.int64),
         "poses": mapper.graph.poses,
+        "unfinished": np.empty((0, 3)) if unfinished is None else unfinished.poses,
         "edges": np.array([(e.i, e.j, *e.measured, e.is_loop) for e in edges], np.float64).reshape(-1, 6),
         "information": np.array([e.information for e in edges], np.float64).reshape(-1, 3, 3),
         "track": np.array(mapper.track),
@@ -99,7 +100,8 @@ def _restored(arrays: Any, document: dict[str, Any]) -> Mapper:
         [(stamp, k, response) for stamp, k, response in seen["unmatched"]],
     )
     mapper.track = array("d", arrays["track"].tobytes())
-    mapper.restore(arrays["poses"], edges, document["state"])
+    state = document["state"]
+    mapper.restore(arrays["poses"], edges, state, None if state["decided"] is None else arrays["unfinished"])
     return mapper
 
 

@@ -48,11 +48,12 @@ def test_a_raw_log_becomes_a_map_that_is_explained_and_resumed(run: Run, log: Pa
     assert report["problems"] == {"the time of a scan is not after that of the scan before; it got a later one": 1}
     for suffix in (".pgm", ".g2o", ".png", ".report.json", ".mapping.npz"):
         assert whole.with_suffix(suffix).stat().st_size > 100
-    part = tmp_path / "part.yaml"
+    part = tmp_path / "new" / "part.yaml"  # the folder is made
     run("map", "build", str(log), "--out", str(part), "--limit", "80", "--json")
-    run("map", "build", str(log), "--out", str(part), "--resume", "--json")
-    assert part.with_suffix(".pgm").read_bytes() == whole.with_suffix(".pgm").read_bytes()
-    assert part.with_suffix(".g2o").read_bytes() == whole.with_suffix(".g2o").read_bytes()
+    for _ in range(2):  # the second time, it goes on from a mapping that is finished
+        run("map", "build", str(log), "--out", str(part), "--resume", "--json")
+        assert part.with_suffix(".pgm").read_bytes() == whole.with_suffix(".pgm").read_bytes()
+        assert part.with_suffix(".g2o").read_bytes() == whole.with_suffix(".g2o").read_bytes()
     cell = json.loads(run("explain", "map", str(whole), "--at", "1.5,0.2", "--json"))
     assert cell["state"] == "free"
     assert cell["hits"] == 0

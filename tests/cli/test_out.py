@@ -83,3 +83,18 @@ def test_every_out_option_states_what_it_takes() -> None:
     }
     assert len(found) >= 15
     assert {option.metavar for option in found.values()} <= {"DIR", "DIR|FILE", "FILE|DIR"}
+
+
+def test_every_out_option_is_checked_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    for name, command in commands(command_tree()):
+        for option in command.params:
+            if "--out" not in option.opts:
+                continue
+            assert option.callback is not None, name
+            with pytest.raises(OutputError, match=r"file is not a folder; choose another place with --out$"):
+                option.callback(None, option, blocked / "new" / "x")
+    assert run(["map", "explore", "office", "--out", str(blocked / "new")]) == 2
+    assert "is not a folder" in " ".join(capsys.readouterr().err.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

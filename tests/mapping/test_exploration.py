@@ -150,6 +150,18 @@ def test_a_robot_maps_two_rooms_and_ends() -> None:
     assert len(goals_on(exploration.scenario, grid, {}, 3)) == 3
 
 
+def test_a_map_that_is_wrong_is_not_explored() -> None:
+    exploration = Exploration(scenario(two_rooms()), record=False)
+    exploration.ended, exploration.is_exhausted = "nothing that the robot can reach is unknown", True
+    assert exploration.is_complete
+    first = np.where(np.arange(100) < 50, two_rooms().data, -1).astype(np.int8)
+    report = exploration_report(exploration, OccupancyGrid(first, two_rooms().geometry))
+    assert 0.4 < report["reachable_known"] < 0.6
+    assert not report["complete"]
+    assert report["ended"].startswith("the robot sees no way on, but 4")
+    assert exploration_report(exploration, two_rooms())["complete"]
+
+
 @pytest.mark.slow
 def test_it_ends_in_time_and_says_so() -> None:
     exploration = Exploration(scenario(two_rooms()), record=False, time_limit_s=2.0)

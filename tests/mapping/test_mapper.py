@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from navstack.core import LaserScan, LogError, Transform2D
-from navstack.mapping import Mapper, MapperParams, load_session, report_document, save_session
+from navstack.localization import LoggedScan
+from navstack.mapping import Mapper, MapperParams, load_session, report_document, save_session, solve
+from navstack.mapping.loops import Loop
 from tests.mapping.simulated import lap
 
 pytestmark = pytest.mark.slow
@@ -108,6 +110,83 @@ def test_a_mapping_goes_on_to_the_same_bits_from_its_file(finished: Mapper, tmp_
     assert np.array_equal(again.graph.poses, finished.graph.poses)
     assert [loop.reason for loop in again.loops] == [loop.reason for loop in finished.loops]
     assert np.array_equal(again.trajectory()[1], finished.trajectory()[1])
+
+
+def test_a_finished_mapping_goes_on_as_if_it_had_not_been_finished(finished: Mapper, tmp_path: Path) -> None:
+    first = Mapper()
+    for frame, _ in lap()[:150]:
+        first.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    first.finish()
+    assert first.final_graph is not None
+    refined, loops = first.graph.poses.copy(), len(first.loops)
+    again = load_session(save_session(first, tmp_path / "map.mapping.npz"))
+    assert np.array_equal(again.graph.poses, refined)
+    for each in (first, again):
+        each.finish()
+        assert np.array_equal(each.graph.poses, refined)
+        assert len(each.loops) == loops
+        for frame, _ in lap()[150:]:
+            each.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+        each.finish()
+        assert np.array_equal(each.graph.poses, finished.graph.poses)
+        assert [loop.reason for loop in each.loops] == [loop.reason for loop in finished.loops]
+
+
+@pytest.fixture
+def before_a_loop() -> tuple[Mapper, Loop, list[LoggedScan]]:
+    """A mapper that has just accepted its first loop, that loop, and the scans that follow."""
+    mapper, rest = Mapper(), [frame for frame, _ in lap()]
+    while True:
+        frame = rest.pop(0)
+        loops = mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan).loops
+        if any(loop.accepted for loop in loops):
+            return mapper, loops[-1], rest
+
+
+def test_wrong_loops_that_wait_do_not_take_later_ones_with_them(
+    before_a_loop: tuple[Mapper, Loop, list[LoggedScan]], tmp_path: Path
+) -> None:
+    mapper, first, rest = before_a_loop
+    poses = [Transform2D(*pose) for pose in mapper.graph.poses.tolist()]
+    # 0.3 m of the way between keyframes 5 and 7 would be missing
+    wrong = [
+        dataclasses.replace(first, keyframe=j, place=i, correction=(0.0, 0.0, 0.0), accepted=False, measured=measured)
+        for i in range(2, 6)
+        for j in range(7, 11)
+        for measured in [poses[i].inverse() @ Transform2D(-0.3, 0.0, 0.0) @ poses[j]]
+    ]
+    mapper.pending += wrong
+    mapper._accept(wrong)  # pyright: ignore[reportPrivateUsage]
+    assert all(loop.accepted for loop in wrong)  # it waits
+    mapper = load_session(save_session(mapper, tmp_path / "map.mapping.npz"))
+    for frame in rest:
+        mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    mapper.finish()
+    made = [loop for loop in mapper.loops if loop.keyframe <= 10]
+    assert len(made) == len(wrong)
+    for loop in made:
+        assert not loop.accepted
+        assert "a match along the way would be off by" in loop.reason
+    assert not any(edge.is_loop and edge.j <= 10 for edge in mapper.graph.edges)
+    assert sum(loop.accepted for loop in mapper.loops if loop.keyframe > first.keyframe) >= 3
+    assert worst_error(mapper) < 0.1
+
+
+def test_a_wrong_match_does_not_reject_loops_elsewhere() -> None:
+    mapper, rest = Mapper(), [frame for frame, _ in lap()]
+    while len(mapper.keyframes) < 12:
+        frame = rest.pop(0)
+        mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    x, y, yaw = mapper.graph.edges[5].measured
+    contradicting = mapper.graph.edges[5]._replace(measured=Transform2D(x + 0.3, y, yaw))
+    mapper.graph.edges.append(contradicting)
+    mapper._links.extend((5, 6, x))  # pyright: ignore[reportPrivateUsage]
+    mapper.graph.poses[:] = solve(mapper.graph, starts=("poses",)).poses
+    assert mapper.graph.edge_chi2()[5] > 50.0
+    for frame in rest:
+        mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    assert not any("would be off" in loop.reason for loop in mapper.loops)
+    assert sum(loop.accepted and loop.place < 10 for loop in mapper.loops) >= 6  # those that close the lap
 
 
 def test_more_laps_need_few_more_keyframes_and_go_on_from_a_file(tmp_path: Path) -> None:
