@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar, Final, Literal
 
 import gymnasium
@@ -13,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from navstack.core import InputError
+from navstack.core import InputError, Pose2D, Twist2D
 from navstack.gym.levels import Level, Levels, level_number, level_weights, read_levels
 from navstack.gym.render import DrawnRobot, LevelPicture
 from navstack.gym.simulation import OUTCOMES, RESET, SKIP, STEP, TERMS, RobotModel, Simulation
@@ -28,7 +29,9 @@ from navstack.gym.task import (
     reward_weights,
     robot_models,
 )
+from navstack.gym.watch import RENDER_MODES, ShownRun, Watch, check_render_mode
 from navstack.parameters import Source, load_configuration
+from navstack.scenario import Run, Scenario
 
 END_KEYS: Final = ("path_length", "time_to_goal", "spl", "min_clearance", "barn_score")
 """Numbers of `info` at the end of an episode."""
@@ -102,6 +105,7 @@ class Core:
         self.observation = Observation.of(self.simulation.beams, plan, repeated, flat=flat)
         self.names = [level.name for level in found]
         self.footprints = [model.footprint for model in models]
+        self.lidars = [model.lidar for model in models]
         self.seeds = [0] * number
         self.is_closed = self.is_reset = False
         self.no_actions = np.zeros((number, self.scale.size))
@@ -173,15 +177,16 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
-        "render_modes": ["rgb_array"],
+        "render_modes": list(RENDER_MODES),
         "render_fps": 10,
     }
 
-    def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(self, *, render_mode: str | None = None, port: int = 0, **options: Any) -> None:
         """Make the environment.
 
         Args:
-            render_mode: None or `rgb_array`.
+            render_mode: None, `rgb_array`, or `live`: a page in the browser shows the episodes and sets their pace.
+            port: of that page; 0 is any free one.
             options: what follows.
             levels: see `read_levels`; `split`, `count` and `level_seed` are its arguments.
             robot: parameter set, folder, files or dictionary of the robot; a list adds them up. Its section `navstack: sim:` is
@@ -203,10 +208,10 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
 
         Raises NavError for invalid arguments.
         """
-        if render_mode not in (None, "rgb_array"):
-            raise InputError(f'render_mode is "{render_mode}"; it must be None or "rgb_array"', render_mode=render_mode)
+        check_render_mode(render_mode, port)
         self.render_mode = render_mode
         self._core = core = Core(1, 1, LocalControlEnv, **options)
+        self._watch = Watch(port, self._shown) if render_mode == "live" else None
         self.observation_space = core.observation.space
         self.action_space = core.scale.space
         self._picture: LevelPicture | None = None
@@ -228,6 +233,15 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode; `options={"level": NAME or NUMBER}` chooses its level."""
+        if self._watch is None:
+            return self._reset(seed, options)
+        return self._watch.reset(partial(self._reset, seed, options))
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Drive for one control period with the velocity of the action."""
+        return self._step(action) if self._watch is None else self._watch.step(partial(self._step, action))
+
+    def _reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
         core = self._core
         core.check_open()
@@ -244,8 +258,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
             self._picture.begin_episode()
         return core.observation.of_row(self._row.copy()), self._report()
 
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Drive for one control period with the velocity of the action."""
+    def _step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         core = self._core
         if self._needs_reset or core.is_closed:
             core.check_open()
@@ -259,7 +272,37 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         info["reward_terms"] = {name: terms[k] for k, name in core.terms}
         if self._needs_reset:
             info |= self._end()
+        if self._watch is not None:
+            self._update_shown()
+            self._watch.seen()
         return core.observation.of_row(self._row.copy()), float(self._rewards[0]), terminated, truncated, info
+
+    def _shown(self) -> tuple[Scenario, Run]:
+        """Return the episode as pages show it."""
+        core = self._core
+        variant = core.simulation.batch.episodes[0]["variant"]
+        level = core.simulation.levels[self._info["level"]]
+        limits = limits_of(core.configuration)
+        self._page_run = ShownRun(core.configuration, level, core.footprints[variant], core.lidars[variant], limits)
+        self._update_shown()
+        return self._page_run.scenario, self._page_run.run
+
+    def _update_shown(self) -> None:
+        """Tell the page of the last step."""
+        core, info, state = self._core, self._info, self._core.simulation.batch.states[0]
+        shares, clip = self._row[: core.simulation.beams], np.float32(core.simulation.task["clip"][0])
+        self._page_run.update(
+            float(info["time"]),
+            Pose2D(float(info["x"]), float(info["y"]), float(info["yaw"])),
+            Twist2D(float(state["vx"]), float(state["vy"]), float(state["wz"])),
+            Twist2D(float(state["command_vx"]), float(state["command_vy"]), float(state["command_wz"])),
+            np.where(shares < 1.0, shares * clip, np.float32(np.inf)),
+            clearance=float(info["clearance"]),
+            collisions=int(info["collisions"]),
+            outcome=OUTCOMES[info["outcome"]],
+        )
+
+    _page_run: ShownRun
 
     def _report(self) -> dict[str, Any]:
         time, x, y, yaw, clearance, *_ = self._info.item()
@@ -277,8 +320,8 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         }
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Return a picture (height, width, 3) of the world, the robot and its way; None without a render mode."""
-        if self.render_mode is None:
+        """Return a picture (height, width, 3) of the world, the robot and its way with `rgb_array`, else None."""
+        if self.render_mode != "rgb_array":
             return None
         core = self._core
         core.check_open()
@@ -291,6 +334,8 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
 
     def close(self) -> None:
         """Close the environment; a second time does nothing."""
+        if self._watch is not None:
+            self._watch.close()
         self._core.close()
         if self._picture is not None:
             self._picture.close()

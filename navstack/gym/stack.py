@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 import gymnasium
@@ -18,6 +19,7 @@ from navstack.core import InputError, NavError, Path, Pose2D, Twist2D
 from navstack.gym.levels import Level, Levels, level_number, level_weights, read_levels
 from navstack.gym.render import DrawnRobot, LevelPicture
 from navstack.gym.task import COMFORT_M, NEAR_M, check_positive, check_reset_options, refuse_unknown, reward_weights
+from navstack.gym.watch import RENDER_MODES, Watch, check_render_mode
 from navstack.parameters import Configuration, LidarParams, Source, load_configuration
 from navstack.plugins import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
 from navstack.scenario import START_RADIUS_M, Run, Scenario, barn_score
@@ -32,7 +34,7 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
     """A scenario driven by the whole stack, in steps."""
 
     metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
-        "render_modes": ["rgb_array"],
+        "render_modes": list(RENDER_MODES),
         "render_fps": 10,
     }
 
@@ -52,11 +54,11 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         beams: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        port: int = 0,
         **unknown: Any,
     ) -> None:
         refuse_unknown(unknown, StackEnv.__init__, type(self).__init__)
-        if render_mode not in (None, "rgb_array"):
-            raise InputError(f'render_mode is "{render_mode}"; it must be None or "rgb_array"', render_mode=render_mode)
+        check_render_mode(render_mode, port)
         if collision not in ("end", "stop"):
             raise InputError(f'collision is "{collision}"; it must be "end" or "stop"', collision=collision)
         if max_episode_steps is not None and max_episode_steps < 1:
@@ -98,6 +100,7 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         self._run: Run | None = None
         self._level = self._levels[0]
         self._picture: LevelPicture | None = None
+        self._watch = Watch(port, self._shown_run) if render_mode == "live" else None
         self._needs_reset = True
         self._is_closed = False
         self._moved_at: float | None = None
@@ -133,6 +136,15 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode; `options={"level": NAME or NUMBER}` chooses its level."""
+        if self._watch is None:
+            return self._reset(seed, options)
+        return self._watch.reset(partial(self._reset, seed, options))
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Do what the action says, and let the stack drive."""
+        return self._step(action) if self._watch is None else self._watch.step(partial(self._step, action))
+
+    def _reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
         self._check_open()
         drawn = float(self.np_random.random()) * float(self._weights.sum())
@@ -161,8 +173,7 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         observation, _ = self._observe()
         return observation, self._report()
 
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do what the action says, and let the stack drive."""
+    def _step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self._check_open()
         run = self._run
         if self._needs_reset or run is None:
@@ -204,8 +215,8 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         return observation, math.fsum(terms.values()), terminated, outcome == "timeout", info
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Return a picture (height, width, 3) of the world, the robot and its way; None without a render mode."""
-        if self.render_mode is None:
+        """Return a picture (height, width, 3) of the world, the robot and its way with `rgb_array`, else None."""
+        if self.render_mode != "rgb_array":
             return None
         self._check_open()
         if self._run is None:
@@ -222,6 +233,8 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
 
     def close(self) -> None:
         """Close the environment; a second time does nothing."""
+        if self._watch is not None:
+            self._watch.close()
         self._is_closed, self._run = True, None
         if self._picture is not None:
             self._picture.close()
@@ -232,7 +245,14 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         goes_on = run.step()
         if self._moved_at is None and run.robot.pose.distance_to(self._level.start) >= START_RADIUS_M:
             self._moved_at = run.robot.time
+        if self._watch is not None:
+            self._watch.seen()
         return goes_on
+
+    def _shown_run(self) -> tuple[Scenario, Run]:
+        """Return the episode as pages show it."""
+        assert self._run is not None
+        return self._run.scenario, self._run
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
@@ -388,7 +408,7 @@ class PlannerParamsEnv(StackEnv):
         assert run is not None
         after = with_parameters(self._configuration, self.values_of(action))
         reconfigure(run.move_base, after)
-        self._configuration = after
+        self._configuration = run.interventions.configuration = after
 
     def _advance(self, run: Run) -> bool:
         until = run.robot.time + self._period - 1e-9

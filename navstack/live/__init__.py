@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from navstack.live.logged import LoggedSession as LoggedSession
     from navstack.live.server import Gate as Gate
     from navstack.live.server import LiveServer as LiveServer
+    from navstack.live.server import ServerThread as ServerThread
     from navstack.live.server import is_loopback as is_loopback
     from navstack.live.server import serve as serve
     from navstack.live.session import MAX_SPEED as MAX_SPEED
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from navstack.live.stage import Report as Report
     from navstack.live.stage import Stage as Stage
     from navstack.live.stage import free_pose as free_pose
+    from navstack.live.watched import WatchedSession as WatchedSession
 else:
     from navstack._lazy import lazy_face
 

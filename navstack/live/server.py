@@ -15,9 +15,10 @@ import json
 import re
 import secrets
 import socket
+import threading
 import time
 from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from importlib.resources import files
 from typing import Any, Final, TypeVar
@@ -148,6 +149,7 @@ class Client:
         self._socket = socket
         self._server = server
         self._views: list[SessionView] = []
+        self._world = 0
         self._layers: frozenset[str] = frozenset()
         self._rate = 30.0
         self._sent = self._acknowledged = 0
@@ -185,15 +187,20 @@ class Client:
 
     async def show(self, stage: Stage) -> None:
         """Send the world of a stage that is prepared; frames follow."""
-        if not self._greeted or self._views:
-            return
+        if self._greeted and not self._views:
+            await self._send_world(stage)
+
+    async def _send_world(self, stage: Stage) -> None:
         self._views = [SessionView(session) for session in stage.sessions]
         for view in self._views:
             view.set_layers(self._layers)
         server = self._server
-        frame = await server.in_simulation(
-            lambda: world_frame(stage, server=server.number, read_only=server.read_only).encode()
-        )
+
+        def encoded() -> bytes:
+            self._world = stage.main.worlds
+            return world_frame(stage, server=server.number, read_only=server.read_only).encode()
+
+        frame = await server.in_simulation(encoded)
         with contextlib.suppress(ConnectionError):
             await self._socket.send_bytes(frame)
         self._shown = True
@@ -272,7 +279,10 @@ class Client:
             if all(view.is_current for view in self._views):
                 continue
             started = time.monotonic()
+            stage = self._server.stage
             try:
+                if stage is not None and stage.main.worlds != self._world:
+                    await self._send_world(stage)
                 encoded = await self._server.in_simulation(self._next_frame)
             except Exception as error:  # frames are differences: without this one, the page needs all of it again
                 text = f"the page could not be sent ({type(error).__name__}: {error}); please report it"
@@ -585,6 +595,49 @@ async def serve(server: LiveServer, host: str, port: int, *, ready: Callable[[st
         await runner.cleanup()
     if server.failure is not None:
         raise server.failure
+
+
+class ServerThread:
+    """A server in a thread of its own, for programs that do something else meanwhile."""
+
+    def __init__(self, server: LiveServer, host: str = "127.0.0.1", port: int = 0) -> None:
+        """Start it; port 0 is any free one. Raises InputError if the port cannot be used."""
+        self._server = server
+        self._loop = asyncio.new_event_loop()
+        self._stop = asyncio.Event()
+        self._ready: Future[str] = Future()
+        self._thread = threading.Thread(target=self._run, args=(host, port), name="navstack-live", daemon=True)
+        self._thread.start()
+        self.address = self._ready.result()
+        """Of the page."""
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the server still runs."""
+        return self._thread.is_alive()
+
+    def call(self, action: Callable[[], T]) -> T:
+        """Call a function in the thread of the simulation, between two steps of the session, and return its result."""
+        return asyncio.run_coroutine_threadsafe(self._server.in_simulation(action), self._loop).result(30.0)
+
+    def stop(self) -> None:
+        """End the server; a second time does nothing."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stop.set)
+            self._thread.join(30.0)
+
+    def _run(self, host: str, port: int) -> None:
+        try:
+            self._loop.run_until_complete(
+                serve(self._server, host, port, ready=self._ready.set_result, stop=self._stop)
+            )
+        except BaseException as error:
+            if self._ready.done():
+                raise
+            self._ready.set_exception(error)
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_default_executor())
+            self._loop.close()
 
 
 def _address(port: int, host: str, token: str | None) -> str:

@@ -148,6 +148,13 @@ CHECK_TIME = 1e-9
 class Session:
     """One robot in one world. `advance` drives it in real time; `interact` changes it."""
 
+    only_time = "this is a recorded run: only the time can be changed; open its scenario to take part"
+    """Why a page cannot take part, where that is so."""
+    rewinds = True
+    """Whether a page may go back in time."""
+    worlds = 0
+    """Grows when another world is shown: pages get everything anew."""
+
     def __init__(self, scenario: Scenario, *, origin: Origin | None = None, speed: float | None = 1.0) -> None:
         """`speed` is the factor of real time; None is as fast as possible."""
         self.scenario = replace(scenario, interactions=())

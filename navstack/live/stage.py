@@ -255,7 +255,7 @@ class Options:
     save_to: Path | None = None
     """The only folder that is written to; None: nothing can be saved."""
     fixed: bool = False
-    """A recorded run is shown: only the time can be changed."""
+    """Only the time can be changed: a recorded run is shown, or a program steps the simulation."""
     labels: tuple[str, ...] = ("",)
     """Names of the sessions."""
     named: tuple[tuple[str, ...], ...] = ()
@@ -295,7 +295,7 @@ class Stage:
         """Carries out a request at once, except those of `is_slow`. Raises NavError."""
         kind = request.type
         if self.options.fixed and kind not in messages.READ_ONLY | messages.TIME:
-            raise InputError("this is a recorded run: only the time can be changed; open its scenario to take part")
+            raise InputError(self.main.only_time)
         match request:
             case messages.Set():
                 text, data = self._set(request)
@@ -570,6 +570,7 @@ def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
         "camera": has_camera(robot),
         "read_only": read_only,
         "fixed": stage.options.fixed,
+        "rewinds": session.rewinds,
         "save_to": str(stage.options.save_to) if stage.options.save_to is not None else None,
     }
     return frame

@@ -6,17 +6,15 @@ thread of the test, so that a test can look into the session.
 
 from __future__ import annotations
 
-import asyncio
 import os
 import shutil
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from navstack.live import Gate, LiveServer, Options, Origin, Session, Stage, serve
+from navstack.live import Gate, LiveServer, Options, Origin, ServerThread, Session, Stage
 from navstack.map_io import map_path
 from navstack.scenario import Scenario, load_scenario
 
@@ -59,44 +57,12 @@ class Live:
         """`prepare` is called when the server runs, and returns the stage."""
         self.stage = stage
         self.session: Session = stage.main
-        self.address = ""
-        self._ready = threading.Event()
-        self._loop = asyncio.new_event_loop()
-        self._stop = asyncio.Event()
-        self._server = LiveServer(prepare or stage, Gate(host), read_only=read_only)
-        self._failure: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, args=(host, port), daemon=True)
-        self._thread.start()
-        assert self._ready.wait(30.0)
-        if self._failure is not None:
-            raise self._failure
+        self._thread = ServerThread(LiveServer(prepare or stage, Gate(host), read_only=read_only), host, port)
+        self.address, self.call, self.stop = self._thread.address, self._thread.call, self._thread.stop
 
     @property
     def port(self) -> int:
         return int(self.address.split(":")[2].split("/")[0])
-
-    def _run(self, host: str, port: int) -> None:
-        def ready(address: str) -> None:
-            self.address = address
-            self._ready.set()
-
-        try:
-            self._loop.run_until_complete(serve(self._server, host, port, ready=ready, stop=self._stop))
-        except BaseException as exc:
-            self._failure = exc
-            self._ready.set()
-        finally:
-            self._loop.run_until_complete(self._loop.shutdown_default_executor())
-            self._loop.close()
-
-    def call(self, action: Callable[[], Any]) -> Any:
-        """Calls a function in the thread of the simulation, between two steps of the session."""
-        return asyncio.run_coroutine_threadsafe(self._server.in_simulation(action), self._loop).result(30.0)
-
-    def stop(self) -> None:
-        if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._stop.set)
-            self._thread.join(30.0)
 
 
 @pytest.fixture

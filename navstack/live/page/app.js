@@ -74,7 +74,8 @@ class App {
       for (const name of ['goal', 'pose', 'disc', 'box', 'wall', 'person', 'delete', 'drive']) $(`tool-${name}`).disabled = this.readOnly;
       $('clear').disabled = this.readOnly;
       $('eye').hidden = !header.camera;
-      for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
+      for (const id of ['play', 'step', 'speed']) $(id).disabled = header.read_only;
+      for (const id of ['restart', 'back', 'timeline']) $(id).disabled = header.read_only || !header.rewinds;
       $('fleet').hidden = !header.robots.length;
       $('robots').replaceChildren(...header.robots.map((name) => el('option', { value: name, selected: name === header.robot }, name)));
       this.panel.world(header);

@@ -52,7 +52,7 @@ export class Side {
   /** Pose of the robot to show. */
   poseAt(now) {
     const before = this.before, t = this.clockAt(now);
-    if (!before || t >= this.t || this.t - before.t > 1.0) return this.pose;
+    if (!before || t >= this.t || this.t - before.t > 1.5) return this.pose;
     const u = Math.max(0, (t - before.t) / (this.t - before.t));
     const turn = Math.atan2(Math.sin(this.pose[2] - before.pose[2]), Math.cos(this.pose[2] - before.pose[2]));
     return [before.pose[0] + u * (this.pose[0] - before.pose[0]), before.pose[1] + u * (this.pose[1] - before.pose[1]), before.pose[2] + u * turn];
