@@ -36,7 +36,7 @@ MAP, BASE = "map", "base_link"
 
 
 def check_render_mode(render_mode: str | None, port: object) -> None:
-    """Raise InputError for an unknown render mode, a port that is none, and a live page without aiohttp."""
+    """Raise InputError for an unknown render mode, an invalid port, and a live page without aiohttp."""
     if render_mode not in (None, *RENDER_MODES):
         raise InputError(
             f'render_mode is "{render_mode}"; it must be None, "rgb_array" or "live"', render_mode=render_mode
@@ -51,7 +51,7 @@ class Watch:
     """The live page of an environment. It opens with the first episode, and then the environment waits for a viewer."""
 
     def __init__(self, port: int, shown: Callable[[], tuple[Scenario, Run]]) -> None:
-        """`shown` returns the scenario and the run of the present episode; port 0 is any free one."""
+        """`shown` returns the scenario and the run of the current episode; port 0 is any free one."""
         from navstack.live import ServerThread, WatchedSession
 
         self._port, self._shown = port, shown
