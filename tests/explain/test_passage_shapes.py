@@ -94,6 +94,7 @@ def test_unknown_walls_are_walls_for_a_shape(long_robot: Configuration) -> None:
     assert only(found).verdict == "blocked"
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(len(KINDS)))
 def test_random_openings_agree_with_the_brute_force(seed: int) -> None:
     assert disagreements(random_scene(seed)) == []

@@ -14,6 +14,7 @@ from tools.fuzz.run import Counts, Plan, fuzz, fuzz_in_processes
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive  # CI runs tools/fuzz_inputs.py with more
 @pytest.mark.parametrize("kind", KINDS)
 def test_mutated_inputs(kind: str) -> None:
     number = 100 if kind == "log" else 400  # a log takes ten times as long as another input

@@ -140,6 +140,7 @@ def test_a_robot_reaches_its_goal_or_says_why_not(path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("path", RELEASES, ids=name)
 def test_the_tree_of_a_file_drives(path: Path, tmp_path: Path) -> None:
     """A tree next to the parameters, which they name: here one that plans each second and does not recover."""

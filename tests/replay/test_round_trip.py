@@ -70,6 +70,7 @@ IN_BAGS_ONLY = ("unreachable", "sonars")
 
 
 @pytest.mark.slow
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("name", "suffix"),
     [
