@@ -19,6 +19,7 @@ from navstack.gym.levels import Level, Levels, level_number, level_weights, read
 from navstack.gym.render import DrawnRobot, LevelPicture
 from navstack.gym.simulation import OUTCOMES, RESET, SKIP, STEP, TERMS, RobotModel, Simulation
 from navstack.gym.task import (
+    BUSY,
     ActionScale,
     Observation,
     Variation,
@@ -107,7 +108,7 @@ class Core:
         self.footprints = [model.footprint for model in models]
         self.lidars = [model.lidar for model in models]
         self.seeds = [0] * number
-        self.is_closed = self.is_reset = False
+        self.is_closed = self.is_reset = self._busy = False
         self.no_actions = np.zeros((number, self.scale.size))
 
     def _read(self, source: Any, models: Sequence[RobotModel], **options: Any) -> list[Level]:
@@ -134,14 +135,22 @@ class Core:
         self.simulation.batch.episodes[index]["wanted_level"] = level_number(level, self.names)
 
     def run(self, todo: Any, actions: NDArray[np.float64]) -> None:
-        """Step or reset: `todo` is one number, or one per environment."""
-        self.simulation.todo[:] = todo
-        self.simulation.advance(actions)
+        """Step or reset: `todo` is one number, or one per environment. Raises InputError while another thread does."""
+        if self._busy:
+            raise InputError(BUSY)
+        self._busy = True
+        try:
+            self.simulation.todo[:] = todo
+            self.simulation.advance(actions)
+        finally:
+            self._busy = False
 
     def check_open(self) -> None:
-        """Raise InputError if the environment is closed."""
+        """Raise InputError if the environment is closed, or another thread uses it."""
         if self.is_closed:
             raise InputError("the environment is closed; make a new one")
+        if self._busy:
+            raise InputError(BUSY)
 
     def drawn(self, index: int, *, has_ended: bool = False) -> DrawnRobot:
         """Return what a picture shows of the robot of one environment; without its lidar, if its episode has ended."""
@@ -248,7 +257,7 @@ class LocalControlEnv(gymnasium.Env[Any, Any]):
         if seed is not None or not core.is_reset:
             core.seed_from(0, self.np_random, self.np_random_seed)
             core.is_reset = True
-        options = options or {}
+        options = {} if options is None else options
         check_reset_options(options, ("level",))
         if "level" in options:
             core.want_level(0, options["level"])
@@ -396,7 +405,7 @@ class LocalControlVectorEnv(VectorEnv[Any, Any, Any]):
         """
         core = self._core
         core.check_open()
-        options = options or {}
+        options = {} if options is None else options
         check_reset_options(options, ("level", "reset_mask"))
         mask = np.asarray(options.get("reset_mask", np.ones(self.num_envs, np.bool_)))
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():

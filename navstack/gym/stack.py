@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 import gymnasium
 import numpy as np
@@ -18,13 +18,23 @@ from navstack.bringup import reconfigure
 from navstack.core import InputError, NavError, Path, Pose2D, Twist2D
 from navstack.gym.levels import Level, Levels, level_number, level_weights, read_levels
 from navstack.gym.render import DrawnRobot, LevelPicture
-from navstack.gym.task import COMFORT_M, NEAR_M, check_positive, check_reset_options, refuse_unknown, reward_weights
+from navstack.gym.task import (
+    BUSY,
+    COMFORT_M,
+    NEAR_M,
+    check_positive,
+    check_reset_options,
+    refuse_unknown,
+    reward_weights,
+)
 from navstack.gym.watch import RENDER_MODES, Watch, check_render_mode
 from navstack.parameters import Configuration, LidarParams, Source, load_configuration
 from navstack.plugins import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
 from navstack.scenario import START_RADIUS_M, Run, Scenario, barn_score
 from navstack.sim import Lidar
 from navstack.studies import parse_search_space
+
+T = TypeVar("T")
 
 MAX_CYCLES: int = 100_000
 """Cycles of the stack per step, at most: a run that does not go on is an error."""
@@ -102,7 +112,7 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
         self._picture: LevelPicture | None = None
         self._watch = Watch(port, self._shown_run) if render_mode == "live" else None
         self._needs_reset = True
-        self._is_closed = False
+        self._is_closed = self._busy = False
         self._moved_at: float | None = None
         """Time at which the robot was `START_RADIUS_M` from its start (s)."""
 
@@ -136,21 +146,32 @@ class StackEnv(gymnasium.Env[Any, Any], ABC):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode; `options={"level": NAME or NUMBER}` chooses its level."""
-        if self._watch is None:
-            return self._reset(seed, options)
-        return self._watch.reset(partial(self._reset, seed, options))
+        reset = partial(self._reset, seed, options)
+        return self._alone(reset if self._watch is None else partial(self._watch.reset, reset))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do what the action says, and let the stack drive."""
-        return self._step(action) if self._watch is None else self._watch.step(partial(self._step, action))
+        step = partial(self._step, action)
+        return self._alone(step if self._watch is None else partial(self._watch.step, step))
+
+    def _alone(self, action: Callable[[], T]) -> T:
+        """Call a function. Raises InputError while another thread does."""
+        if self._busy:
+            raise InputError(BUSY)
+        self._busy = True
+        try:
+            return action()
+        finally:
+            self._busy = False
 
     def _reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
         self._check_open()
         drawn = float(self.np_random.random()) * float(self._weights.sum())
         index = min(int(np.searchsorted(np.cumsum(self._weights), drawn, side="right")), len(self._levels) - 1)
-        check_reset_options(options or {}, ("level",))
-        wanted = (options or {}).get("level")
+        options = {} if options is None else options
+        check_reset_options(options, ("level",))
+        wanted = options.get("level")
         index = index if wanted is None else level_number(wanted, self.levels)
         self._level = self._levels[index]
         scenario = replace(self._scenario(index), seed=int(self.np_random.integers(1 << 31)))
@@ -375,6 +396,7 @@ class PlannerParamsEnv(StackEnv):
         """
         super().__init__(collision=collision, reward=reward, max_episode_steps=max_episode_steps, **options)
         check_positive("period", period)
+        _check_texts(parameters)
         self._period = period
         self._space = parse_search_space(
             self._scenario(0).configuration, space=None if parameters else "local_planner", params=parameters
@@ -423,6 +445,11 @@ class PlannerParamsEnv(StackEnv):
 
     def _own_observation(self) -> dict[str, NDArray[np.float32]]:
         return {"parameters": self._in_force.astype(np.float32)}
+
+
+def _check_texts(parameters: Any) -> None:
+    if isinstance(parameters, str) or not all(isinstance(text, str) for text in parameters):
+        raise InputError(f'parameters is {parameters!r}; give a list such as ["DWAPlannerROS/max_vel_x=0.2:0.5"]')
 
 
 def _share(dimension: Any, value: Any) -> float:

@@ -52,6 +52,11 @@ def refuse_unknown(unknown: Mapping[str, Any], *makers: Any) -> None:
         raise InputError(f'unknown argument "{name}" of the environment; {hint}', argument=name)
 
 
+BUSY: Final = (
+    "another thread steps or resets this environment at this moment; give each thread an environment of its own"
+)
+
+
 def check_positive(name: str, value: Any) -> None:
     """Raise InputError if an argument is not a finite number above 0."""
     if not (isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value) and value > 0.0):
@@ -66,8 +71,10 @@ def check_points(name: str, value: Any) -> None:
         )
 
 
-def check_reset_options(options: Mapping[str, Any], known: Sequence[str]) -> None:
-    """Raise InputError for an option of `reset` that is not among the known ones."""
+def check_reset_options(options: object, known: Sequence[str]) -> None:
+    """Raise InputError for options of `reset` that are no dictionary, and for one that is not among the known ones."""
+    if not isinstance(options, Mapping):
+        raise InputError(f"the options of reset are {options!r}; give a dictionary with {', '.join(known)}")
     for name in options:
         if name not in known:
             raise InputError(f'unknown option "{name}" of reset; options: {", ".join(known)}', option=str(name))
@@ -303,10 +310,10 @@ def robot_models(
         lidar = _changed(lidar, {"beams": beams})
     footprint = configuration.local_costmap.true_footprint
     believed = "odometry" if sim.localization == "odometry" else "truth"
-    if not randomize:
-        return [RobotModel(sim, footprint, lidar, believed)]
     if count < 1:
         raise InputError(f"variants is {count}; it must be at least 1", variants=count)
+    if not randomize:
+        return [RobotModel(sim, footprint, lidar, believed)]
     for key, bounds in randomize.items():
         _check_variation(key, bounds, name)
     rng = np.random.Generator(np.random.PCG64([seed, 42]))

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from navstack.record.recorder import record_tick_outputs as record_tick_outputs
     from navstack.record.social import PeopleTrack as PeopleTrack
     from navstack.record.social import SocialMetrics as SocialMetrics
-    from navstack.record.social import robot_radius as robot_radius
     from navstack.record.social import social_metrics as social_metrics
     from navstack.record.steering import SteeredBase as SteeredBase
 else:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from navstack.move_base import TickResult
 from navstack.record.reader import Record
-from navstack.record.social import SocialMetrics, robot_radius, social_metrics
+from navstack.record.social import SocialMetrics, social_metrics
 
 MOVING_M_S = 0.01
 """Minimum speed that counts as moving; slower is standing or turning in place (m/s, rad/s)."""
@@ -154,7 +154,8 @@ def _social_metrics_of(record: Record) -> SocialMetrics | None:
         record.times,
         record.poses,
         people,
-        robot_radius=robot_radius(record.footprint),
+        footprint=record.footprint,
+        collisions=np.column_stack((record.collision_times, record.collisions)),
         targets=goals[record.goal_indices, :2],
         plans=plans,
         results=record.results,

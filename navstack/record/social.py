@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from navstack.core import Footprint
@@ -115,6 +116,10 @@ class SocialMetrics:
     """Contacts (nearer than 0.02 m) in which the robot was the one who moved towards the other faster."""
     contacts_by_people: int
     """Contacts in which the person was."""
+    collisions_with_people: int
+    """Collisions of the footprint in which it touched a person."""
+    collisions_with_others: int
+    """Collisions with the map, obstacles and other robots."""
     failures_to_progress: int
     """How often the distance to the goal did not fall by 0.3 m in 20 s."""
     stalled_s: float
@@ -173,15 +178,17 @@ def social_metrics(
     poses: NDArray[np.float64],
     people: PeopleTrack,
     *,
-    robot_radius: float,
+    footprint: Footprint,
+    collisions: NDArray[np.float64],
     targets: NDArray[np.float64],
     plans: Mapping[int, NDArray[np.float64]],
     results: Sequence[Mapping[str, Any]],
 ) -> SocialMetrics:
     """Computes the metrics from the control cycles: times (n,) s, true poses (n, 3) in the map.
 
-    `targets` (n, 2): the goal at each cycle, NaN without one; `plans`: the first plan (k, 3) of each goal by its number;
-    `results`: the goals' outcomes as in the record.
+    `footprint`: without padding; `collisions` (c, 4): time (s) and pose in the map (m, rad) of each collision; `targets` (n, 2):
+    the goal at each cycle, NaN without one; `plans`: the first plan (k, 3) of each goal by its number; `results`: the goals'
+    outcomes as in the record.
     """
     step = np.diff(times)
     real = np.flatnonzero(step > 0.0)
@@ -193,7 +200,8 @@ def social_metrics(
     speed = np.hypot(*velocity.T)
     walked = np.diff(people.positions, axis=0)[real] / duration[:, None, None]
     offset = people.positions - poses[:, None, :2]
-    reach = robot_radius + people.radii
+    radius = float(np.hypot(*footprint.vertices.T).max())
+    reach = radius + people.radii
     away = np.hypot(offset[..., 0], offset[..., 1]) - reach
     nearest = _nearest(away)
     share = _Share(nearest[real], duration, total)
@@ -201,10 +209,11 @@ def social_metrics(
     to_groups = np.full(len(times), np.inf)
     if groups:
         centers = np.stack([people.positions[:, group].mean(axis=1) for group in groups], axis=1) - poses[:, None, :2]
-        to_groups = _nearest(np.hypot(centers[..., 0], centers[..., 1]) - robot_radius)
+        to_groups = _nearest(np.hypot(centers[..., 0], centers[..., 1]) - radius)
     of_groups = _Share(to_groups[real], duration, total) if groups else None
     relative = walked - velocity[:, None]
     by_robot, by_people = _contacts(away, offset, velocity, walked, real)
+    touched = _collisions_with_people(times, people, footprint, collisions)
     acceleration, jerk = _derivatives(velocity, duration)
     efficiency, spl, planned_rotation = _paths(plans, results)
     first, extra_s, extra_m = people.walks.T
@@ -223,6 +232,8 @@ def social_metrics(
         time_to_collision_min_s=float(times_to_collision(offset[real], relative, reach).min(initial=math.inf)),
         contacts_by_robot=by_robot,
         contacts_by_people=by_people,
+        collisions_with_people=touched,
+        collisions_with_others=len(collisions) - touched,
         failures_to_progress=_failures_to_progress(times, poses, targets),
         stalled_s=float(duration[speed < STALLED_M_S].sum()),
         not_moving_s=float(duration[(speed < STILL[0]) & (turned / duration < STILL[1])].sum()),
@@ -239,11 +250,6 @@ def social_metrics(
         disturbance_m=_known_mean(extra_m),
         all_arrived_s=max(float(first.max(initial=0.0)), float(times[-1])) if done and len(times) else math.inf,
     )
-
-
-def robot_radius(footprint: Footprint) -> float:
-    """Returns the radius of the circle about the robot's center that contains its footprint (m)."""
-    return float(np.hypot(*footprint.vertices.T).max())
 
 
 def times_to_collision(
@@ -335,6 +341,25 @@ def _contacts(
             towards = offset[real[cycle] + 1, person]
         by_robot += bool(float(velocity[cycle] @ towards) >= float(-moved @ towards))
     return by_robot, len(cycles) - by_robot
+
+
+def _collisions_with_people(
+    times: NDArray[np.float64], people: PeopleTrack, footprint: Footprint, collisions: NDArray[np.float64]
+) -> int:
+    """How many collisions were with a person, who walks straight between two cycles."""
+    count = 0
+    for time, x, y, yaw in collisions.tolist():
+        after = min(int(np.searchsorted(times, time)), len(times) - 1)
+        before = max(after - 1, 0)
+        span = float(times[after] - times[before])
+        share = min(max((time - float(times[before])) / span, 0.0), 1.0) if span > 0.0 else 1.0
+        there = people.positions[before] + share * (people.positions[after] - people.positions[before])
+        c, s = math.cos(yaw), math.sin(yaw)
+        local = (there - (x, y)) @ np.array([[c, -s], [s, c]])
+        known = np.isfinite(local[:, 0])
+        away = shapely.distance(footprint.polygon, shapely.points(local[known])) - people.radii[known]
+        count += bool((away < CONTACT_M).any())
+    return count
 
 
 def _derivatives(

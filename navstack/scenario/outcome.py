@@ -20,7 +20,6 @@ from navstack.record import (
     SocialMetrics,
     Timings,
     compute_metrics,
-    robot_radius,
     social_metrics,
 )
 from navstack.scenario.success import ConditionResult
@@ -413,7 +412,8 @@ class RunMeasurements:
             rows[:, 0],
             rows[:, 1:4],
             people,
-            robot_radius=robot_radius(self._robot.footprint),
+            footprint=self._robot.footprint,
+            collisions=np.array([(c.time, *c.pose) for c in self._robot.collisions], np.float64).reshape(-1, 4),
             targets=goals[np.array(self._goal_numbers, np.int64), :2],
             plans=self._plans,
             results=results,

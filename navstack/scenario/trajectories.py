@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -30,6 +29,7 @@ def read_trajectories(path: Path) -> dict[str, list[list[float]]]:
         raise InputError(f"{path} is not a text file; name a CSV file with the columns t, id, x, y") from exc
     order = {name: k for k, name in enumerate(COLUMNS)}
     found: dict[str, list[list[float]]] = {}
+    lines: dict[tuple[str, float], int] = {}
     for number, line in enumerate(text.splitlines(), 1):
         cells = _cells(line)
         if not cells or cells[0].startswith("#"):
@@ -44,24 +44,29 @@ def read_trajectories(path: Path) -> dict[str, list[list[float]]]:
             t = x = y = math.nan
             person = ""
         if not (math.isfinite(t) and math.isfinite(x) and math.isfinite(y)):
-            where = f"{path}:{number}:1"
-            raise InputError(
-                f'{where}: "{line.strip()[:60]}" is not t, id, x, y; write four numbers, for example 0.4, 1, 2.5, -1.0',
-                file=str(path),
-                line=number,
-                column=1,
+            raise _error(
+                path,
+                number,
+                f'"{line.strip()[:60]}" is not t, id, x, y; write four numbers, for example 0.4, 1, 2.5, -1.0',
             )
-        found.setdefault(person.removesuffix(".0"), []).append([t, x, y])
-    for person, points in found.items():
+        person = person.removesuffix(".0")
+        before = lines.setdefault((person, t), number)
+        if before != number:
+            raise _error(
+                path,
+                number,
+                f"person {person} is at two positions at {t:g} s (lines {before} and {number}); remove one of the rows",
+            )
+        found.setdefault(person, []).append([t, x, y])
+    for points in found.values():
         points.sort()
-        for before, after in pairwise(points):
-            if before[0] == after[0]:
-                raise InputError(
-                    f"{path}: person {person} is at two positions at {after[0]:g} s; remove one of the rows"
-                )
     if not found:
         raise InputError(f"{path} has no rows t, id, x, y; name a file with the positions of people", file=str(path))
     return found
+
+
+def _error(path: Path, line: int, text: str) -> InputError:
+    return InputError(f"{path}:{line}:1: {text}", file=str(path), line=line, column=1)
 
 
 def _cells(line: str) -> list[str]:

@@ -45,7 +45,9 @@ MEASURES: Final = (
     Measure("turning_s", "turning in place (s)", 1, -1, possible=_NOT_NEGATIVE),
     Measure("recoveries", "recoveries", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
     Measure("collisions", "collisions", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
-    Measure("distance_min_m", "minimum distance of people (m)", 3, +1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure(
+        "distance_min_m", "minimum distance of people (m)", 3, +1, both_succeed=False
+    ),  # below 0 where they overlap
     Measure("space_compliance", "share of time within 0.5 m of people", 3, -1, both_succeed=False, possible=_SHARE),
     Measure("discomfort", "share of time within 0.2 m of people", 3, -1, both_succeed=False, possible=_SHARE),
     Measure("personal", "share of time in personal space", 3, -1, both_succeed=False, possible=_SHARE),
@@ -54,6 +56,7 @@ MEASURES: Final = (
     ),
     Measure("contacts_by_robot", "contacts by the robot", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
     Measure("contacts_by_people", "contacts by people", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
+    Measure("collisions_with_people", "collisions with people", 2, -1, both_succeed=False, possible=_NOT_NEGATIVE),
     Measure("path_efficiency", "driven / planned length", 3, -1, possible=_NOT_NEGATIVE),
     Measure("spl", "success weighted by path length", 3, +1, both_succeed=False, possible=_SHARE),
     Measure("social_work", "social work (m/s)", 2, -1, possible=_NOT_NEGATIVE),

@@ -374,6 +374,7 @@ def test_a_picture_shows_world_robot_and_goal(levels: list[Level]) -> None:
         ({"scan_clip": 0.0}, "scan_clip is 0.0; it must be a number above 0"),
         ({"count": 0}, "count is 0"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
+        ({"variants": 0}, "variants is 0; it must be at least 1"),
         ({"render_mode": "human"}, "rgb_array"),
     ],
 )
@@ -419,6 +420,8 @@ def test_calls_in_the_wrong_order() -> None:
     env.reset(seed=0)
     with pytest.raises(InputError, match="there is no level"):
         env.reset(options={"level": "nowhere"})
+    with pytest.raises(InputError, match="the options of reset are 3; give a dictionary with level"):
+        env.reset(options=3)  # pyright: ignore[reportArgumentType]
     assert env.step(np.zeros(2))[3]
     with pytest.raises(InputError, match=r"ended or not begun; call reset\(\)"):
         env.step(np.zeros(2))
@@ -442,6 +445,27 @@ def test_calls_in_the_wrong_order() -> None:
     vector.close()
     with pytest.raises(InputError, match="is closed"):
         vector.step(np.zeros((2, 2)))
+
+
+def test_a_reset_during_a_step_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    env, alone = (LocalControlEnv(levels=near_wall()) for _ in range(2))
+    for each in (env, alone):
+        each.reset(seed=3)
+    refused: list[str] = []
+    advance = env._core.simulation.advance
+
+    def and_reset(actions: Any) -> None:
+        """What another thread would do while the kernel runs."""
+        for call in (lambda: env.reset(seed=4), lambda: env.step(np.zeros(2))):
+            with pytest.raises(InputError) as caught:
+                call()
+            refused.append(caught.value.message)
+        advance(actions)
+
+    monkeypatch.setattr(env._core.simulation, "advance", and_reset)
+    observation = env.step(np.array([0.5, 0.1]))[0]
+    assert len(refused) == 2 and all(text.startswith("another thread steps or resets") for text in refused)
+    assert bits(*observation.values()) == bits(*alone.step(np.array([0.5, 0.1]))[0].values())
 
 
 @pytest.mark.parametrize(

@@ -194,6 +194,15 @@ def test_wrong_calls(name: str, levels: list[Level]) -> None:
         env.reset(options={"level": 99})
     with pytest.raises(InputError, match="one per level"):
         env.set_level_weights([1.0])
+    advance = env._advance
+
+    def and_reset(run: Any) -> bool:
+        with pytest.raises(InputError, match="another thread steps or resets this environment"):
+            env.reset()
+        return advance(run)
+
+    env._advance = and_reset
+    env.step(action)
     env.close()
     with pytest.raises(InputError, match="is closed"):
         env.step(action)
@@ -204,6 +213,7 @@ def test_wrong_calls(name: str, levels: list[Level]) -> None:
     [
         ("PlannerParams", {"parameters": ["DWAPlannerROS/max_vel_xx=0.1:0.5"]}, "max_vel_xx"),
         ("PlannerParams", {"parameters": ["DWAPlannerROS/max_vel_x=0.5:0.1"]}, "0.5"),
+        ("PlannerParams", {"parameters": "DWAPlannerROS/max_vel_x"}, "give a list such as"),
         ("PlannerParams", {"period": 0.0}, "period is 0"),
         ("PlannerParams", {"max_episode_steps": 0}, "max_episode_steps is 0"),
         ("Residual", {"share": 2.0}, "share is 2"),

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, Pose2D
-from navstack.record import PeopleTrack, Record, SocialMetrics, metrics_of, robot_radius, social_metrics
+from navstack.record import PeopleTrack, Record, SocialMetrics, metrics_of, social_metrics
 from navstack.record.social import social_force, times_to_collision
 from navstack.scenario import load_suite, run_scenario
 from navstack.sim import PedestrianMotion, Shape, SimParams, SimulatedRobot, World
@@ -37,8 +37,15 @@ def measured(
         np.array(groups or (-1,) * count, np.int32),
         np.full((count, 3), math.nan) if walks is None else walks,
     )
-    options: dict[str, Any] = {"targets": np.full((n, 2), math.nan), "plans": {}, "results": [], **more}
-    return social_metrics(DT * np.arange(n), poses, track, robot_radius=0.2, **options)
+    options: dict[str, Any] = {
+        "footprint": Footprint.from_radius(0.2),
+        "collisions": np.empty((0, 4)),
+        "targets": np.full((n, 2), math.nan),
+        "plans": {},
+        "results": [],
+        **more,
+    }
+    return social_metrics(DT * np.arange(n), poses, track, **options)
 
 
 def along(n: int, speed: float, start: float = 0.0, y: float = 0.0) -> NDArray[np.float64]:
@@ -209,8 +216,11 @@ def test_social_force_in_closed_form() -> None:
 
 
 @pytest.mark.slow
-def test_a_record_gives_the_metrics_of_its_run(tmp_path: Path) -> None:
-    scenario = load_suite("crowd", count=3)[2].build()
+@pytest.mark.parametrize(
+    ("suite", "number", "robot"), [("crowd", 2, "turtlebot"), ("circle_crossing", 1, "jackal_dwa")]
+)
+def test_a_record_gives_the_metrics_of_its_run(tmp_path: Path, suite: str, number: int, robot: str) -> None:
+    scenario = load_suite(suite, count=3)[number].build(params=[robot])
     result = run_scenario(scenario)
     assert result.recorder is not None
     result.recorder.save(tmp_path)
@@ -219,8 +229,34 @@ def test_a_record_gives_the_metrics_of_its_run(tmp_path: Path) -> None:
     assert repr(found) == repr(social)
     assert repr(run_scenario(scenario, record=False).metrics.social) == repr(social)
     assert set(result.metrics.as_dict()["social"]) == {field.name for field in fields(SocialMetrics)}
-    assert social.distance_min_m >= result.min_clearance_m - 1e-6 - 0.05  # a circle around the footprint is larger
-    assert robot_radius(Footprint.from_radius(0.18)) == pytest.approx(0.18)
+    assert social.collisions_with_people + social.collisions_with_others == result.collisions
+    if suite == "circle_crossing":  # there is nothing else to touch, and people walk on through the robot
+        assert social.collisions_with_people == result.collisions > 0
+    else:
+        assert social.distance_min_m >= result.min_clearance_m - 1e-6 - 0.05  # a circle around the footprint is larger
+
+
+def test_a_collision_is_with_a_person_whom_the_footprint_touches() -> None:
+    """A square of 0.4 m, and a person of 0.3 m who walks by: 1 cm from its corner at 0.55 s if it stands at 45 degrees."""
+    square = Footprint([[-0.2, -0.2], [-0.2, 0.2], [0.2, 0.2], [0.2, -0.2]])
+    corner = 0.2 * math.sqrt(2.0)
+    person = np.column_stack((np.full(11, corner + 0.31), along(11, 1.0)[:, 0] - 0.55))[:, None]
+    absent = np.full((11, 1, 2), math.nan)
+
+    def counted(*rows: tuple[float, ...]) -> tuple[int, int]:
+        found = measured(
+            np.zeros((11, 2)),
+            np.concatenate((absent, person), axis=1),
+            footprint=square,
+            collisions=np.array(rows, np.float64).reshape(-1, 4),
+        )
+        return found.collisions_with_people, found.collisions_with_others
+
+    turned = (0.55, 0.0, 0.0, 0.25 * math.pi)
+    assert counted() == (0, 0)
+    assert counted(turned) == (1, 0)
+    assert counted((0.55, 0.0, 0.0, 0.0)) == (0, 1)  # its side is farther away
+    assert counted((0.35, 0.0, 0.0, 0.25 * math.pi), turned, (0.55, 0.3, 0.0, 0.0)) == (2, 1)
 
 
 def test_the_disturbance_is_that_of_a_paired_run() -> None:

@@ -53,7 +53,10 @@ def test_reads_the_common_forms(tmp_path: Path, text: str) -> None:
     [
         ("0.0,1,1.0\n", r"people.csv:1:1: \"0.0,1,1.0\" is not t, id, x, y; write four numbers"),
         (ROWS + "1.6,1,nan,2.0\n", r"people.csv:6:1: .* is not t, id, x, y"),
-        (ROWS + "0.4,2,1.0,1.0\n", r"people.csv: person 2 is at two positions at 0.4 s; remove one of the rows"),
+        (
+            ROWS + "0.4,2,1.0,1.0\n",
+            r"people.csv:6:1: person 2 is at two positions at 0.4 s \(lines 3 and 6\); remove one of the rows",
+        ),
         ("", r"people.csv has no rows t, id, x, y; name a file"),
     ],
 )
