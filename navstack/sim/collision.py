@@ -177,8 +177,32 @@ def clearance(squares, grid, discs, circles, corners, first, footprint, x, y, ya
         placed[i, 0] = gx + (c * footprint[i, 0] - s * footprint[i, 1]) / resolution
         placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
         radius = max(radius, math.hypot(placed[i, 0] - gx, placed[i, 1] - gy))
-    best = math.inf
-    # rings of cells around the center's cell, outwards, until none can be nearer
+    c, s = math.cos(yaw), math.sin(yaw)
+    best, reach = math.inf, radius * resolution
+    # the footprint is at most as far as its center, if that lies within it
+    limit = best
+    if n == 1 or polygon_contains(footprint, 0.0, 0.0):
+        for k in range(discs.shape[0]):
+            dx, dy = discs[k, 0] - x, discs[k, 1] - y
+            limit = min(limit, max(math.sqrt(dx * dx + dy * dy) - discs[k, 2], 0.0))
+    for k in range(discs.shape[0]):
+        dx, dy, far = discs[k, 0] - x, discs[k, 1] - y, min(limit, best) + CLOSE + discs[k, 2] + reach
+        if not dx * dx + dy * dy <= far * far:  # too far, or absent
+            continue
+        away = math.hypot(dx, dy)
+        if n > 1:
+            away = polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx)
+        best = min(best, max(away - discs[k, 2], 0.0))
+    in_map = np.empty((n, 2))
+    for k in range(circles.shape[0]):
+        if math.hypot(circles[k, 0] - x, circles[k, 1] - y) - circles[k, 2] - reach > best + CLOSE:
+            continue
+        for i in range(n):
+            in_map[i, 0] = x + c * footprint[i, 0] - s * footprint[i, 1]
+            in_map[i, 1] = y + s * footprint[i, 0] + c * footprint[i, 1]
+        best = min(best, polygon_to_polygon(in_map, corners[first[k] : first[k + 1]]))
+    # cells last, for solids are often nearer: rings around the center's cell, outwards, until none can be nearer
+    nearest = best / resolution + CLOSE
     ix, iy = math.floor(gx), math.floor(gy)
     farthest = max(max(abs(ix), abs(nx - 1 - ix)), max(abs(iy), abs(ny - 1 - iy)))
     ring = 0
@@ -186,7 +210,7 @@ def clearance(squares, grid, discs, circles, corners, first, footprint, x, y, ya
         ring = free_around(squares, ix, iy) + 1
     else:
         ring = max(max(-ix, ix - nx + 1), max(-iy, iy - ny + 1))
-    while ring <= farthest and ring - 1 - radius < best:
+    while ring <= farthest and ring - 1 - radius < nearest:
         for row in range(max(iy - ring, 0), min(iy + ring, ny - 1) + 1):
             whole = row == iy - ring or row == iy + ring
             column = max(ix - ring, 0) if whole else ix - ring
@@ -197,35 +221,11 @@ def clearance(squares, grid, discs, circles, corners, first, footprint, x, y, ya
                 free = int(squares[0, row, column])  # number of free cells towards larger x
                 if free == 0:
                     near = point_to_square(gx, gy, float(column), float(row)) - radius
-                    if near <= best + CLOSE:
-                        best = min(best, polygon_to_square(placed, float(column), float(row)))
+                    if near <= nearest + CLOSE:
+                        nearest = min(nearest, polygon_to_square(placed, float(column), float(row)))
                 column += max(free, 1) if whole else max(2 * ring, 1)
         ring += 1
-    best *= resolution
-    radius *= resolution
-    c, s = math.cos(yaw), math.sin(yaw)
-    # the footprint is at most as far as its center, if that lies within it
-    limit = best
-    if n == 1 or polygon_contains(footprint, 0.0, 0.0):
-        for k in range(discs.shape[0]):
-            dx, dy = discs[k, 0] - x, discs[k, 1] - y
-            limit = min(limit, max(math.sqrt(dx * dx + dy * dy) - discs[k, 2], 0.0))
-    for k in range(discs.shape[0]):
-        dx, dy, far = discs[k, 0] - x, discs[k, 1] - y, min(limit, best) + CLOSE + discs[k, 2] + radius
-        if not dx * dx + dy * dy <= far * far:  # too far, or absent
-            continue
-        away = math.hypot(dx, dy)
-        if n > 1:
-            away = polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx)
-        best = min(best, max(away - discs[k, 2], 0.0))
-    for k in range(circles.shape[0]):
-        if math.hypot(circles[k, 0] - x, circles[k, 1] - y) - circles[k, 2] - radius > best + CLOSE:
-            continue
-        for i in range(n):
-            placed[i, 0] = x + c * footprint[i, 0] - s * footprint[i, 1]
-            placed[i, 1] = y + s * footprint[i, 0] + c * footprint[i, 1]
-        best = min(best, polygon_to_polygon(placed, corners[first[k] : first[k + 1]]))
-    return best
+    return min(best, nearest * resolution)
 
 
 @kernel
