@@ -272,6 +272,8 @@ def align_surface(pose, surface, sums, corner, settings, prior):
             if norm <= 1e-9:
                 continue
             weight = share / (sigma * sigma * (1.0 + (error / (2.0 * sigma)) ** 2))
+            # a surface beside a corner explains a point of the corner, or of its other side, but must not pull at it
+            weight *= (ux * mx + uy * my) ** 4
             turn = mx * -ry + my * rx
             hessian[0, 0] += weight * mx * mx
             hessian[0, 1] += weight * mx * my

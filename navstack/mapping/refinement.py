@@ -41,8 +41,12 @@ _ITERATIONS: Final = 6
 _SHIFTS_M: Final = (-0.3, -0.15, 0.15, 0.3)
 """From where else a match begins, in the direction that it determines worst: after a slip in a corridor, the wrong corners of
 niches are near."""
-_GAIN: Final = 0.01
-"""A match from elsewhere must explain this much more of the scan: corners are a small share of the walls of a corridor."""
+_FACING: Final = 0.5
+"""Only points count whose normal has at least this component along that direction: a match that moves a scan back along a corridor
+explains more of the walls beside it, because it brings the part that only this scan has seen to where others have seen walls."""
+_FEWEST_FACING: Final = 4
+_GAIN: Final = 0.15
+"""A match from elsewhere must explain this much more of these points."""
 _UNEVEN: Final = 0.05
 """Information in the worst direction, relative to the best, below which a match is tried from elsewhere."""
 _FAR_M, _FARTHEST_M = 0.25, 0.6
@@ -307,9 +311,18 @@ def _best(surfaces: Surfaces, points: NDArray[np.float64], start: Transform2D, *
         return first
     direction = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi  # across the direction of most information
     x, y, yaw = first.pose.tolist()
+    along, across = math.cos(direction - yaw), math.sin(direction - yaw)
+    facing = np.ascontiguousarray(points[np.abs(points[:, 2] * along + points[:, 3] * across) > _FACING])
+    if len(facing) < _FEWEST_FACING:
+        return first
+
+    def fits(match: Match) -> float:
+        return surfaces.align(facing, Transform2D(*match.pose.tolist()), rounds=0).response
+
+    highest = fits(first) + _GAIN
     for shift in _SHIFTS_M:
         beside = Transform2D(x + shift * math.cos(direction), y + shift * math.sin(direction), yaw)
         match = surfaces.align(points, beside, rounds=_ITERATIONS)
-        if match.response > best.response + (_GAIN if best is first else 0.0):
-            best = match
+        if match.response >= LEAST_RESPONSE and fits(match) > highest:
+            best, highest = match, fits(match)
     return best
