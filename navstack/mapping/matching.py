@@ -31,7 +31,7 @@ INLIER_M: Final = 0.12
 """A point within this distance of a surface is explained."""
 SIGMA_M: Final = 0.03
 """Noise of a point across its surface (m): range noise of common lidars, and of the surface."""
-INDEPENDENT: Final = 0.1
+INDEPENDENT: Final = 0.3
 """Share of the points that count as independent: neighbors share the errors of walls, sensor and pose."""
 
 

@@ -19,7 +19,7 @@ from navstack.mapping.mapper import Mapper, Observations, Step
 from navstack.mapping.params import MapperParams
 from navstack.mapping.pose_graph import Edge
 
-FORMAT: Final = 2
+FORMAT: Final = 3
 MAX_BYTES: Final = 4_000_000_000
 _ARRAYS: Final = ("ranges", "lengths", "poses", "edges", "information", "track", "document")
 

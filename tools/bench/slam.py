@@ -6,9 +6,9 @@
     python tools/bench/slam.py hours [--hours N] [--only MAP] [--set NAME=VALUE ..]
 
 FOLDER contains raw logs and graphs as described in the README of the shared data (`carmen_raw`). Times are those of the
-processor. `simulated` drives two logs on each of ten maps (`--variant`: on other routes with other noise) and exits with 1 if a false loop was accepted: one whose relative
-pose is more than 0.5 m or 5 degrees off. `hours` drives the same tour there and back again (2 scans of 90 beams a second) and
-prints what each hour costs.
+processor. `simulated` drives two logs on each of ten maps (`--variant`: on other routes with other noise) and exits with 1 if
+a false loop was accepted: one whose relative pose is more than 0.5 m or 5 degrees off. `hours` drives the same tour there and
+back again (2 scans of 90 beams a second) and prints what each hour costs.
 """
 
 from __future__ import annotations
