@@ -86,6 +86,8 @@ LEAST_INFORMATION: Final = 1.0 / 0.1**2
 LEAST_SHARE: Final = 0.02
 """and the points must say this much about the direction that they know worst, relative to the best: a few points at the end of a
 corridor can be anything."""
+CHANCE: Final = 0.01
+"""Information about the worst direction, relative to the best, that noisy normals feign."""
 _OTHER_M, _OTHER_RAD = 0.6, 0.3
 """From here on, a pose is another one: wider than the likelihood around one maximum."""
 _STAYS_SEEN, _STAYS_FREE = 0.2, 0.2
@@ -100,6 +102,22 @@ def edge_information(hessian: NDArray[np.float64], yaw: float, floor: NDArray[np
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     body = np.einsum("ba,bc,cd->ad", turn, hessian, turn) + np.diag([1e-4, 1e-4, 1e-4])
     return _inverse(_inverse(body) + floor)
+
+
+def without_chance(hessian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Hessian (3, 3) of a match without what noise contributes to the direction of the position that it knows worst.
+
+    The normals of noisy points along a corridor point a little along it: the Hessian then claims to know this direction, and
+    where the match was started is what it claims.
+    """
+    h = hessian
+    turn = max(float(h[2, 2]), 1e-9)
+    a, b, d = h[0, 0] - h[0, 2] ** 2 / turn, h[0, 1] - h[0, 2] * h[1, 2] / turn, h[1, 1] - h[1, 2] ** 2 / turn
+    least, most = position_information(h)
+    angle = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi  # across the direction of most information
+    x, y = math.cos(angle), math.sin(angle)
+    less = min(CHANCE * most, max(least, 0.0))
+    return h - less * np.array([[x * x, x * y, 0.0], [x * y, y * y, 0.0], [0.0, 0.0, 0.0]])
 
 
 def _inverse(m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -40,7 +40,7 @@ from navstack.mapping.loops import (
 from navstack.mapping.matching import SPACING, Match, Surfaces, surface_points
 from navstack.mapping.params import MapperParams
 from navstack.mapping.pose_graph import Edge, PoseGraph, solve
-from navstack.mapping.refinement import Calibration, refine
+from navstack.mapping.refinement import UNCALIBRATED, Calibration, calibrate, refine
 
 FEWEST_POINTS: Final = 15
 """A scan with fewer points cannot be matched."""
@@ -64,6 +64,10 @@ MOST_FOLLOWED_DRIFT_M: Final = 0.3
 DRIFT_M: Final = 0.3
 DRIFT_PER_M: Final = 0.02
 """Drift to expect between two keyframes, and of it per length of the path between them."""
+CALIBRATION_INTERVAL: Final = 20
+"""Keyframes after which the odometry is calibrated again: what the scans leave open has its systematic errors."""
+CALIBRATION_STEPS: Final = 400
+"""Steps to keyframes that it is calibrated by, the newest."""
 KERNEL_WIDTH: Final = 3.0
 """Loops with an error of more standard deviations than this lose weight when the graph is solved."""
 SOLVED_STEP: Final = 0.005
@@ -246,6 +250,8 @@ class Mapper:
         self.track = array("d")
         """Stamp, number of the last keyframe, and the step from it (m, rad), of every scan that was used."""
         self._velocity = Transform2D()
+        self._errors = UNCALIBRATED
+        """Systematic errors of the odometry, by the last keyframes."""
         self._local: Surfaces | None = None
         self._intervals: deque[float] = deque(maxlen=50)
         self._waiting: list[list[Loop]] = []
@@ -322,7 +328,10 @@ class Mapper:
             v = self._velocity
             step = Transform2D(v.x * dt, v.y * dt, v.yaw * dt) if dt < 1.0 else Transform2D()
         self._last = stamp, odom
-        self._moved, self._driven = self._moved @ step, self._driven @ step
+        self._driven = self._driven @ step
+        if has_odometry and self._errors.steps:
+            step = Transform2D(*self._errors.corrected(np.array([step]))[0].tolist())
+        self._moved = self._moved @ step
         p = self.params
         far = self._is_far(self._moved)
         since = self._matched.inverse() @ self._moved
@@ -376,6 +385,7 @@ class Mapper:
             "driven": list(self._driven),
             "matched": list(self._matched),
             "velocity": list(self._velocity),
+            "odometry_errors": [*self._errors[:3], self._errors.steps],
             "intervals": list(self._intervals),
             "decided": None if self.unfinished is None else self.unfinished.decided,
             "waiting": [[self.loops.index(loop) for loop in group] for group in self._waiting],
@@ -407,6 +417,8 @@ class Mapper:
         self._last = None if last is None else (last[0], None if last[1] is None else Transform2D(*last[1]))
         self._moved, self._driven = Transform2D(*state["moved"]), Transform2D(*state["driven"])
         self._matched, self._velocity = Transform2D(*state["matched"]), Transform2D(*state["velocity"])
+        scale, turn_scale, curve, count = state["odometry_errors"]
+        self._errors = UNCALIBRATED._replace(scale=scale, turn_scale=turn_scale, curve=curve, steps=count)
         self._intervals.extend(state["intervals"])
         self._waiting = [[self.loops[n] for n in group] for group in state["waiting"]]
         self._tried_at = -math.inf if state["tried_at"] is None else state["tried_at"]
@@ -512,6 +524,8 @@ class Mapper:
         self._links.extend((last, k, away))
         self.steps.append(Step(k, last, stamp, driven, relative, sigma, match.response if fits else math.nan))
         decided = self._close_loops(k) if p.do_loop_closing else ()
+        if len(self.steps) % CALIBRATION_INTERVAL == 0:
+            self._calibrate()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
 
     def _best_match(
@@ -789,6 +803,19 @@ class Mapper:
         keep = [not edge.is_loop or (edge.i, edge.j) not in wrong for edge in self.graph.edges]
         self.graph.edges[:] = itertools.compress(self.graph.edges, keep)
         self._links = array("d", np.array(self._links).reshape(-1, 3)[keep].tobytes())
+
+    def _calibrate(self) -> None:
+        """Compare the odometry with the newest keyframes."""
+        steps = self.steps[-CALIBRATION_STEPS:]
+        known = np.array(
+            [
+                each.before == each.keyframe - 1 and each.odometry != each.matched and math.isfinite(each.response)
+                for each in steps
+            ]
+        )
+        self._errors = calibrate(
+            np.array([each.odometry for each in steps]), self.graph.poses[-len(steps) - 1 :], known
+        )
 
     def _refine(self) -> PoseGraph | None:
         """Match every keyframe with all places near it; see `refine`."""

@@ -31,7 +31,7 @@ INLIER_M: Final = 0.12
 """A point within this distance of a surface is explained."""
 SIGMA_M: Final = 0.03
 """Noise of a point across its surface (m): range noise of common lidars, and of the surface."""
-INDEPENDENT: Final = 0.1
+INDEPENDENT: Final = 0.3
 """Share of the points that count as independent: neighbors share the errors of walls, sensor and pose."""
 
 
@@ -272,6 +272,8 @@ def align_surface(pose, surface, sums, corner, settings, prior):
             if norm <= 1e-9:
                 continue
             weight = share / (sigma * sigma * (1.0 + (error / (2.0 * sigma)) ** 2))
+            # a surface beside a corner explains a point of the corner, or of its other side, but must not pull at it
+            weight *= (ux * mx + uy * my) ** 4
             turn = mx * -ry + my * rx
             hessian[0, 0] += weight * mx * mx
             hessian[0, 1] += weight * mx * my

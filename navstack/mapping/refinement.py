@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Transform2D, normalize_angles
-from navstack.mapping.loops import EDGE_FLOOR, edge_information
+from navstack.mapping.loops import EDGE_FLOOR, edge_information, without_chance
 from navstack.mapping.matching import WEAK, Match, Surfaces
 from navstack.mapping.pose_graph import Edge, PoseGraph, solve
 
@@ -42,7 +42,9 @@ _SHIFTS_M: Final = (-0.3, -0.15, 0.15, 0.3)
 """From where else a match begins, in the direction that it determines worst: after a slip in a corridor, the wrong corners of
 niches are near."""
 _GAIN: Final = 0.01
-"""A match from elsewhere must explain this much more of the scan: corners are a small share of the walls of a corridor."""
+"""A match from elsewhere must explain this much more of the scan: corners are a small share of the walls of a corridor. What the
+share gains steadily with the motion does not count: moved back along a corridor, the part that only this scan has seen comes to
+where others have seen walls."""
 _UNEVEN: Final = 0.05
 """Information in the worst direction, relative to the best, below which a match is tried from elsewhere."""
 _FAR_M, _FARTHEST_M = 0.25, 0.6
@@ -99,6 +101,10 @@ class Calibration(NamedTuple):
         return out
 
 
+UNCALIBRATED: Final = Calibration(1.0, 1.0, 0.0, (0.03, 0.03, 0.03), 0.3, 0)
+"""An odometry about which nothing is known."""
+
+
 def calibrate(odometry: NDArray[np.float64], poses: NDArray[np.float64], known: NDArray[np.bool_]) -> Calibration:
     """Compare the steps (n - 1, 3) of an odometry with the poses (n, 3) of a graph; `known` (n - 1,): the steps that count.
 
@@ -107,7 +113,7 @@ def calibrate(odometry: NDArray[np.float64], poses: NDArray[np.float64], known: 
     made, told = _relative(poses[:-1], poses[1:])[known], odometry[known]
     count = len(told)
     if count < _LEAST_STEPS:
-        return Calibration(1.0, 1.0, 0.0, (0.03, 0.03, 0.03), 0.3, 0)
+        return UNCALIBRATED
     ahead, turn = told[:, 0], told[:, 2]
     weight_ahead, weight_turn = np.ones(count), np.ones(count)
     scale, turn_scale, curve = 1.0, 1.0, 0.0
@@ -289,14 +295,14 @@ def _matches(
         if match.response < LEAST_RESPONSE or far > (_FARTHEST_M if is_neighbor else _FAR_M):
             continue
         hessian = (match.hessian - np.diag([WEAK, WEAK, WEAK])) * (len(points) / len(thin))
-        information = edge_information(hessian, yaw, EDGE_FLOOR)
+        information = edge_information(without_chance(hessian), yaw, EDGE_FLOOR)
         found.append(Edge(middle, k, origin @ Transform2D(x, y, yaw), information, True))
     return found
 
 
 def _best(surfaces: Surfaces, points: NDArray[np.float64], start: Transform2D, *, elsewhere: bool) -> Match:
     """Return the match near a pose; `elsewhere`: or a better one that begins beside it, in a direction that is open."""
-    first = best = surfaces.align(points, start, rounds=_ITERATIONS)
+    first = surfaces.align(points, start, rounds=_ITERATIONS)
     if not elsewhere or first.response < LEAST_RESPONSE:
         return first
     h = first.hessian
@@ -307,9 +313,12 @@ def _best(surfaces: Surfaces, points: NDArray[np.float64], start: Transform2D, *
         return first
     direction = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi  # across the direction of most information
     x, y, yaw = first.pose.tolist()
-    for shift in _SHIFTS_M:
-        beside = Transform2D(x + shift * math.cos(direction), y + shift * math.sin(direction), yaw)
-        match = surfaces.align(points, beside, rounds=_ITERATIONS)
-        if match.response > best.response + (_GAIN if best is first else 0.0):
-            best = match
-    return best
+    c, s = math.cos(direction), math.sin(direction)
+    others = [surfaces.align(points, Transform2D(x + m * c, y + m * s, yaw), rounds=_ITERATIONS) for m in _SHIFTS_M]
+    moved = np.array([c * (match.pose[0] - x) + s * (match.pose[1] - y) for match in others])
+    gain = np.array([match.response - first.response for match in others])
+    slopes = [(gain[i] - gain[j]) / (moved[i] - moved[j]) for i, j in ((0, 3), (1, 2)) if moved[i] != moved[j]]
+    if slopes and min(slopes) * max(slopes) > 0.0:
+        gain -= moved * min(slopes, key=abs)
+    best = int(np.argmax(gain))
+    return others[best] if gain[best] > _GAIN and others[best].response >= LEAST_RESPONSE else first

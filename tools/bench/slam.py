@@ -2,13 +2,13 @@
 
     python tools/bench/slam.py graphs FOLDER
     python tools/bench/slam.py real FOLDER [--only NAME] [--out DIR]
-    python tools/bench/slam.py simulated [--only NAME] [--out DIR]
+    python tools/bench/slam.py simulated [--only NAME] [--out DIR] [--variant N]
     python tools/bench/slam.py hours [--hours N] [--only MAP] [--set NAME=VALUE ..]
 
 FOLDER contains raw logs and graphs as described in the README of the shared data (`carmen_raw`). Times are those of the
-processor. `simulated` drives two logs on each of ten maps and exits with 1 if a false loop was accepted: one whose relative
-pose is more than 0.5 m or 5 degrees off. `hours` drives the same tour there and back again (2 scans of 90 beams a second) and
-prints what each hour costs.
+processor. `simulated` drives two logs on each of ten maps (`--variant`: on other routes with other noise) and exits with 1 if
+a false loop was accepted: one whose relative pose is more than 0.5 m or 5 degrees off. `hours` drives the same tour there and
+back again (2 scans of 90 beams a second) and prints what each hour costs.
 """
 
 from __future__ import annotations
@@ -388,8 +388,8 @@ def world_map(name: str, shared: Path) -> OccupancyGrid | None:
     return resampled(nav.load_map(name))
 
 
-def simulated(shared: Path, only: str | None, out: Path | None) -> int:
-    """Print the table of the simulated logs; return the number of false loops."""
+def simulated(shared: Path, only: str | None, out: Path | None, variant: int = 0) -> int:
+    """Print the table of the simulated logs; return the number of false loops. `variant`: another draw of routes and noise."""
     false_loops, good, count = 0, 0, 0
     for number, (name, fov, reach, beams, noise, length, slip, people) in enumerate(RUNS):
         label = f"{name}-{fov}"
@@ -399,7 +399,7 @@ def simulated(shared: Path, only: str | None, out: Path | None) -> int:
         lidar = LidarParams(
             x=0.1, beams=beams, fov=math.radians(fov), range_min=0.05, range_max=reach, range_noise=noise
         )
-        log = list(logged(truth, lidar, number, length=length, slip=slip, people=people))
+        log = list(logged(truth, lidar, number + len(RUNS) * variant, length=length, slip=slip, people=people))
         known = np.array([pose for _, pose in log])
         for frame, _ in log:
             _ = frame.scan.ranges  # measured now, so that the time is that of mapping
@@ -474,6 +474,7 @@ def main() -> int:
     parser.add_argument("folder", nargs="?", type=Path, default=Path("../shared/data/carmen_raw"))
     parser.add_argument("--only")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--variant", type=int, default=0)
     parser.add_argument("--hours", type=float, default=10.0)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     arguments = parser.parse_args()
@@ -487,7 +488,7 @@ def main() -> int:
         params = MapperParams.model_validate_strings(dict(text.split("=", 1) for text in arguments.set))
         long_run(arguments.folder.parent, arguments.only or "office", arguments.hours, params)
     else:
-        return min(simulated(arguments.folder.parent, arguments.only, arguments.out), 1)
+        return min(simulated(arguments.folder.parent, arguments.only, arguments.out, arguments.variant), 1)
     return 0
 
 
