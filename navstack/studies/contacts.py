@@ -266,7 +266,7 @@ class ContactWatch:
         self._sent = Twist2D()
 
     def look(self) -> None:
-        """Find the causes of the new contacts; remember the current state."""
+        """Find the causes of the new contacts; remember the current state if a command was sent, or none was due."""
         robot, tick = self._run.robot, self._run.move_base.last_tick
         for collision in robot.collisions[len(self.causes) :]:
             before = [m for m in self._moments if m.time < collision.time - 1e-9]
@@ -278,6 +278,8 @@ class ContactWatch:
             self._sight = sight_of(scan, sensor, robot.solids)
             self._seen.add(self._sight.points, robot.time)
         sent, now = self._run.move_base.command, robot.time
+        if tick.command is None and self._moments and now < self._moments[-1].time + self._braking.period_s - 1e-9:
+            return  # the costmaps or the planner were due: the command before holds on
         moment = Moment(now, robot.pose, robot.state().velocity, self._sent, sent, robot.solids, self._sight)
         self._sent = sent
         self._moments.append(moment)

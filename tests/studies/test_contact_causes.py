@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from navstack.core import Footprint, Pose2D, Twist2D
+from navstack.scenario import Run, read_scenario, shipped_scenarios
 from navstack.sim import Collision, Solids
 from navstack.sim.solids import solids_from_discs
-from navstack.studies.contacts import Braking, Moment, SeenPoints, Sight, cause_of, touched_cell
+from navstack.studies.contacts import Braking, ContactWatch, Moment, SeenPoints, Sight, cause_of, touched_cell
 
 PERIOD_S = 0.1
 ROBOT = Braking(Footprint.from_radius(0.2), False, False, (1.0, math.inf, 2.0), 0.0, PERIOD_S)
@@ -82,3 +83,18 @@ def test_a_wall_is_the_robots_fault_if_it_saw_it_in_time() -> None:
     assert wall_cause(0.4) == "seen too late"
     # the robot stands: nothing that stands still touches it
     assert wall_cause(None, [0.0] * 5) == "it moved into the standing robot"
+
+
+@pytest.mark.slow
+def test_only_cycles_in_which_a_command_is_due_are_checks() -> None:
+    """The local costmap is updated five times as often as the controller commands: between two commands, nothing can be sent."""
+    spec = read_scenario(shipped_scenarios()["narrow_door"])
+    slow = ["controller_frequency=2.0", "local_costmap/update_frequency=10.0"]
+    run = Run(spec.build(overrides=slow), record=False, measure=False)
+    watch, cycles = ContactWatch(run), 0
+    while run.step() and run.robot.time < 4.0:
+        watch.look()
+        cycles += 1
+    times = [moment.time for moment in watch._moments]
+    assert cycles >= 30 and len(times) >= 5
+    assert np.diff(times) == pytest.approx(0.5)
