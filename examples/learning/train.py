@@ -1,6 +1,6 @@
 """Train a policy for the BARN worlds with PPO of stable-baselines3, and export it to ONNX.
 
-    pip install 'navstack[gym]' stable-baselines3 onnx
+    pip install 'navstack[gym]' torch stable-baselines3 onnx
     python examples/learning/train.py --seed 0 --minutes 25 --out policy_0.onnx
 
 The training worlds are generated as BARN's were; none of the published ones is among them. Every few minutes the policy drives
@@ -15,12 +15,16 @@ import time
 from pathlib import Path
 
 import numpy as np
-import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from navstack.gym import stable_baselines_env
+
+try:
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+except ModuleNotFoundError as error:
+    raise SystemExit(f"{error.name} is not installed; pip install torch stable-baselines3 onnx") from None
 
 TASK = {
     "robot": "jackal_dwa",
