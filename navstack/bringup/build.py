@@ -19,6 +19,7 @@ from navstack.core import (
     OccupancyGrid,
     Pose2D,
     StartOccupiedError,
+    Transform2D,
     clean_frame,
     require_finite_pose,
     start_outside_map,
@@ -237,7 +238,7 @@ def simulated_robot(
     sim, sections = configuration.navstack.sim, configuration.localization
     localizer = make_localizer(sim, sections, known_map or world.map, start, seed)
     estimation = Estimation(localizer, make_filter(sim, sections), believed_start(sim, start))
-    return SimulatedRobot(
+    robot = SimulatedRobot(
         configuration.navstack.sim,
         world,
         footprint,
@@ -248,6 +249,15 @@ def simulated_robot(
         map_frame=true_frame(configuration),
         estimation=estimation,
     )
+    _join_base_frames(robot, configuration)
+    return robot
+
+
+def _join_base_frames(robot: SimulatedRobot, configuration: Configuration) -> None:
+    """Give the robot the base frame of the global costmap too: base_link and base_footprint are one pose in the plane."""
+    other = configuration.global_costmap.params.robot_base_frame
+    if other not in robot.frames.frames():
+        robot.frames.set_static(robot.base_frame, other, Transform2D())
 
 
 def odometry_frame(configuration: Configuration) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from copy import copy
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,10 @@ def shared_param(critic: type[ParamModel], name: str) -> Any:
     return copy(critic.model_fields[name])
 
 
+WEIGHTS_BEFORE_2018: Final = {"path_distance_bias": 32.0, "goal_distance_bias": 24.0}
+"""Defaults of DWAPlanner.cfg before navigation 1.16.0 (2018-07-25), whose scores were scaled otherwise."""
+
+
 class DWAParams(ParamModel):
     """Parameters of DWAPlannerROS (dwa_local_planner/cfg/DWAPlanner.cfg, base_local_planner's local_planner_limits)."""
 
@@ -104,6 +108,9 @@ class DWAParams(ParamModel):
     }
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency", "latch_xy_goal_tolerance"})
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
+    BEFORE_2018: ClassVar[frozenset[str]] = frozenset(
+        {"max_trans_vel", "min_trans_vel", "max_rot_vel", "min_rot_vel", "rot_stopped_vel"}
+    )
     CLAMPED: ClassVar[frozenset[str]] = frozenset(
         {
             "max_vel_trans",
@@ -184,7 +191,8 @@ class DWAParams(ParamModel):
     controller_frequency: float = param(20.0, "control cycles per second; 0 counts as 20", unit="Hz", ge=0.0)
     ros_distro: RosDistro = param(
         "noetic",
-        "scoring scale of noetic, or of the releases before 2018 (indigo), for which most published YAML was tuned",
+        "scoring scale of noetic, or of the releases before 2018 (indigo), for which most published YAML was tuned; their "
+        "defaults of path_distance_bias and goal_distance_bias were 32 and 24",
     )
     publish_traj_pc: bool = param(False, "publish the legal trajectories on trajectory_cloud (ROS 1 node)")
     publish_cost_grid_pc: bool = param(False, "publish the costs of the cells on cost_cloud (ROS 1 node)")
@@ -194,6 +202,14 @@ class DWAParams(ParamModel):
         None, "ordered critics instead of the seven of move_base: a list of {name, type}; an addition of navstack"
     )
     critic_params: dict[str, Any] = param({}, "parameters of listed critics, from the namespaces of their names")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_weights(cls, values: Any) -> Any:
+        """The weights that are not set, for the scoring of before 2018: the defaults of that time."""
+        if isinstance(values, Mapping) and values.get("ros_distro") == "indigo":
+            return {**WEIGHTS_BEFORE_2018, **values}
+        return values
 
     @model_validator(mode="after")
     def _check_samples(self) -> Self:

@@ -173,7 +173,8 @@ class _Fixer:
                 f,
                 f"{f.suggestion} is near, but not nearer than others; rename it yourself"
                 if f.rule != "renamed"
-                else "both names are set",
+                else "both names are set, or the previous name tells that the weights are from before 2018; "
+                "set `navstack: {ros_distro: indigo}` first",
             )
             return None
         old = f.key.rpartition("/")[2]

@@ -178,6 +178,31 @@ def local_costmap_moves(configuration: Configuration) -> Iterator[Problem]:
         yield Problem(("/local_costmap/rolling_window",), message, "true")
 
 
+@rule("global-window", "info")
+def global_costmap_covers_the_map(configuration: Configuration) -> Iterator[Problem]:
+    """A global costmap that is a rolling window, or has no static layer, covers `width` x `height` only: around the
+    robot, or from its origin. Goals outside are refused, and so is every goal of a robot that is itself outside.
+
+    Fix: list a static layer and set `rolling_window: false`, so that the costmap takes the size of the map, or set width
+    and height to the area of the goals.
+    """
+    p = configuration.global_costmap.params
+    has_map = any(layer.traits.has_static_map for layer in configuration.costmaps[0].layers)
+    if has_map and not p.rolling_window:
+        return
+    place = "around the robot" if p.rolling_window else f"from ({p.origin_x:g}, {p.origin_y:g})"
+    fix = (
+        "set rolling_window: false"
+        if has_map
+        else 'list a static layer ({name: static_layer, type: "costmap_2d::StaticLayer"})'
+    )
+    message = (
+        f"the global costmap covers {p.width:g} x {p.height:g} m {place}, and goals outside are refused; {fix} for the whole "
+        "map, or set width and height"
+    )
+    yield Problem(("/global_costmap/width", "/global_costmap/rolling_window", "/global_costmap/plugins"), message)
+
+
 @rule("blind", "warning")
 def local_costmap_sees(configuration: Configuration) -> Iterator[Problem]:
     """No layer of the local costmap receives sensor data (no `observation_sources`, or the layer is disabled), so no

@@ -140,6 +140,28 @@ def progress_is_possible(configuration: Configuration) -> Iterator[Problem]:
             yield Problem((f"/{behavior.namespace}/backup_speed", f"/{behavior.namespace}/time_allowance"), message)
 
 
+@rule("slow-turn", "warning")
+def turn_ends_in_time(configuration: Configuration) -> Iterator[Problem]:
+    """At its highest turning speed the robot needs longer for half a turn than `oscillation_timeout`. A turn in place is
+    no progress for move_base, which counts the distance only, so a goal behind the robot starts the recovery behaviors.
+    Example: 0.04 rad/s needs 79 s, oscillation_timeout is 10 s.
+
+    Fix: raise the turning speed, or oscillation_timeout.
+    """
+    limit = planner_limits(configuration).lists()["max_velocity"][2]
+    allowed = configuration.move_base.oscillation_timeout
+    car = configuration.navstack.sim.min_turning_radius > 0.0
+    if car or limit is None or not 0.0 < allowed * limit[0] < math.pi:
+        return
+    needed = math.pi / limit[0]
+    message = (
+        f"half a turn takes {needed:.3g} s at {limit[1]}, longer than oscillation_timeout = {allowed:g} s, and move_base counts "
+        f"a turn in place as no progress, so recovery behaviors interrupt it; set oscillation_timeout to {2.0 * needed:.0f}, or "
+        "raise the turning speed"
+    )
+    yield Problem(("/oscillation_timeout", "/base_local_planner"), message, f"{2.0 * needed:.0f}")
+
+
 # --- velocity smoother and multiplexer --------------------------------------------------------------------------------
 
 

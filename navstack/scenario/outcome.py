@@ -85,13 +85,18 @@ EXPLAIN_FAILURES: Final = frozenset(
         "default-planner",
         "progress-out-of-reach",
         "nothing-feeds-monitor",
+        "global-window",
+        "slow-turn",
+        "standing-sample",
     }
 )
 """Rules of `navstack check` whose warning explains robots that stop, turn in place or circle around their goal."""
-_INFOS: Final = frozenset({"steep-inflation"})
-"""Those of them that are no warning: most maps have room enough."""
+_INFOS: Final = frozenset({"steep-inflation", "global-window", "standing-sample"})
+"""Those of them that are no warning: most maps have room enough, or most robots drive well with them."""
 BACKWARD_M_S: Final = -0.01
-"""A robot with a lower forward velocity drives backward."""
+"""A robot with a lower forward velocity drives backward; one that is slower both ways and turns, turns in place."""
+TURNING_RAD_S: Final = 0.01
+"""A robot with a higher yaw rate turns."""
 MUCH_TURNING_S: Final = 15.0
 MUCH_TURNING: Final = 0.25
 """A run that turns in place for longer than both, this time and this share of its time, has a cause worth searching."""
@@ -175,12 +180,23 @@ def collision_advice(findings: Sequence[Finding], *, seen: bool = False) -> tupl
 
 
 def _backward_advice(count: int, collisions: int) -> str:
-    which = "the collision" if collisions == 1 else f"{count} of {collisions} collisions"
     return (
-        f"the robot drove backward into the obstacle of {which}, which the local costmap did not have: its sensors do not see "
-        "what is behind it; forbid the controller to drive backward (min_vel_x: 0), or describe a sensor that sees behind "
-        "(navstack: sim:)"
+        f"the robot drove backward into the obstacle of {_which(count, collisions)}, which the local costmap did not have: its "
+        "sensors do not see what is behind it; forbid the controller to drive backward (min_vel_x: 0), or describe a sensor "
+        "that sees behind (navstack: sim:)"
     )
+
+
+def _turning_advice(count: int, collisions: int) -> str:
+    return (
+        f"the robot turned in place into the obstacle of {_which(count, collisions)}, which the local costmap did not have: its "
+        "sensors do not see what is beside and behind it; describe a sensor that does (navstack: sim:), or let the robot turn "
+        "only where it has room (inflation_radius above its circumscribed radius, clearing_rotation_allowed: false)"
+    )
+
+
+def _which(count: int, collisions: int) -> str:
+    return "the collision" if collisions == 1 else f"{count} of {collisions} collisions"
 
 
 def advice_for(
@@ -189,28 +205,31 @@ def advice_for(
     collisions: int = 0,
     marked: Sequence[float] = (),
     backward: Sequence[float] = (),
+    turning: Sequence[float] = (),
 ) -> tuple[str, ...]:
     """Return what may explain a run that missed goals, collided, or turned in place for long; none for other runs.
 
     These are findings about the parameters, with file and line, and the time spent turning. Motions turn on purpose, and so do
     recovery behaviors: their time is subtracted. `marked`: times (s) of the collisions with obstacles that the local costmap had;
-    no sensor is their cause. `backward`: times (s) of the collisions into which the robot drove backward.
+    no sensor is their cause. `backward` and `turning`: times (s) of the collisions into which the robot drove backward, and
+    turned in place.
     """
     turned = metrics.turning_s - metrics.state_s.get("CLEARING", 0.0)
-    turning = turned > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
+    turns_long = turned > max(MUCH_TURNING_S, MUCH_TURNING * metrics.time_s) and "MOTION" not in metrics.state_s
     advice = list(collision_advice(findings, seen=len(marked) == collisions)) if collisions else []
     if marked and not collision_advice(findings, seen=True):
-        which = "the collision" if collisions == 1 else f"{len(marked)} of {collisions} collisions"
         advice.append(
-            f"the local costmap had the obstacle of {which}, so no sensor is the cause: the base does not drive what the "
-            f"controller checks; navstack explain command RUN --time {max(0.0, marked[0] - 0.5):.1f} shows the command before it"
+            f"the local costmap had the obstacle of {_which(len(marked), collisions)}, so no sensor is the cause: the base does "
+            "not drive what the controller checks; navstack explain command RUN --time "
+            f"{max(0.0, marked[0] - 0.5):.1f} shows the command before it"
         )
-    unseen = [t for t in backward if t not in marked]
-    if unseen:
-        advice.append(_backward_advice(len(unseen), collisions))
-    if metrics.succeeded < metrics.goals or turning:
+    for times, words in ((backward, _backward_advice), (turning, _turning_advice)):
+        unseen = [t for t in times if t not in marked]
+        if unseen:
+            advice.append(words(len(unseen), collisions))
+    if metrics.succeeded < metrics.goals or turns_long:
         advice += failure_advice(findings)
-    if turning:
+    if turns_long:
         advice.append(
             f"the robot turned in place for {turned:.0f} s of {metrics.time_s:.0f} s; navstack doctor tries the fixes of the "
             "usual causes and measures their effect"

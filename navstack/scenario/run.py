@@ -47,6 +47,7 @@ from navstack.scenario.interventions import Interventions
 from navstack.scenario.low_battery import LowBattery
 from navstack.scenario.outcome import (
     BACKWARD_M_S,
+    TURNING_RAD_S,
     GoalOutcome,
     RunMeasurements,
     RunResult,
@@ -69,15 +70,24 @@ def advice_of(record: Record) -> tuple[str, ...]:
 
 
 def _advice_of(record: Record, metrics: RunMetrics, findings: Sequence[Finding]) -> tuple[str, ...]:
-    marked, backward = marked_collisions(record), backward_collisions(record)
-    return advice_for(metrics, findings, len(record.collisions), marked, backward)
-
-
-def backward_collisions(record: Record) -> list[float]:
-    """Return the times (s) of the collisions into which the robot drove backward."""
     before = np.searchsorted(record.times, record.collision_times, side="left") - 1
-    backward = (before >= 0) & (record.velocities[before, 0] < BACKWARD_M_S)
-    return record.collision_times[backward].tolist()
+    motions = ["" if i < 0 else blind_motion(*record.velocities[i, [0, 2]]) for i in before]
+    times = dict(zip(record.collision_times.tolist(), motions, strict=True))
+    return advice_for(
+        metrics,
+        findings,
+        len(record.collisions),
+        marked_collisions(record),
+        [t for t, motion in times.items() if motion == "backward"],
+        [t for t, motion in times.items() if motion == "turning"],
+    )
+
+
+def blind_motion(vx: float, wz: float) -> str:
+    """Return the motion (m/s, rad/s) that a lidar at the front does not guard: `backward`, `turning` in place, or empty."""
+    if vx < BACKWARD_M_S:
+        return "backward"
+    return "turning" if vx <= -BACKWARD_M_S and abs(wz) > TURNING_RAD_S else ""
 
 
 def marked_collisions(record: Record) -> list[float]:
@@ -257,11 +267,11 @@ class Run:
         self._collisions_noted = 0
         self._marked_times: list[float] = []
         """Times of the collisions with obstacles that the local costmap had (s)."""
-        self._backward_times: list[float] = []
-        """Times of the collisions into which the robot drove backward (s)."""
+        self._blind_times: dict[str, list[float]] = {"backward": [], "turning": []}
+        """Times of the collisions into which the robot drove backward, and turned in place (s)."""
         self._unrecorded: deque[SentGoal] = deque()
         self._idle_cycles = 0
-        self._cycle_began, self._drove_backward = 0.0, False
+        self._cycle_began, self._blind_motion = 0.0, ""
         self.done = False
         """True when every goal has ended and the interactions have had their effect."""
         # times are sums of floats: a difference below this is rounding and must not cause an extra physics step
@@ -307,13 +317,14 @@ class Run:
             due = min(due, robot.time + LONGEST_IDLE_S)
         if self.interventions.repeat_teleop():
             due = min(due, robot.time + DRIVING_S)
-        self._cycle_began, self._drove_backward = robot.time, robot.state().velocity.vx < BACKWARD_M_S
+        velocity = robot.state().velocity
+        self._cycle_began, self._blind_motion = robot.time, blind_motion(velocity.vx, velocity.wz)
         return min(due, move_base.next_due(robot.time))
 
     def end_cycle(self) -> None:
         """Ticks move_base at the robot's time, which is that of `begin_cycle` unless something happened before."""
         robot, move_base, goals = self.robot, self.move_base, self.goals
-        self._note_collisions(backward=self._drove_backward)
+        self._note_collisions()
         self._take_map()
         move_base.tick(robot.time)
         goals.advance_tasks(move_base)
@@ -351,11 +362,8 @@ class Run:
                 # a plan that is made before its next update must not find an empty costmap
                 costmap.update(self.robot.time)
 
-    def _note_collisions(self, *, backward: bool) -> None:
-        """Notes which of the new collisions are with obstacles that the controller's costmap had.
-
-        `backward`: the robot drove backward into them.
-        """
+    def _note_collisions(self) -> None:
+        """Notes which of the new collisions are with obstacles that the controller's costmap had, and the motion into them."""
         robot = self.robot
         if len(robot.collisions) == self._collisions_noted:
             return
@@ -364,8 +372,8 @@ class Run:
         for collision in robot.collisions[self._collisions_noted :]:
             if touches_lethal(costmap.master, robot.footprint, from_map.apply(collision.pose)):
                 self._marked_times.append(collision.time)
-            if backward:
-                self._backward_times.append(collision.time)
+            if self._blind_motion:
+                self._blind_times[self._blind_motion].append(collision.time)
         self._collisions_noted = len(robot.collisions)
 
     @property
@@ -462,7 +470,8 @@ class Run:
                 self.scenario.configuration.findings,
                 len(self.robot.collisions),
                 self._marked_times,
-                self._backward_times,
+                self._blind_times["backward"],
+                self._blind_times["turning"],
             ),
         )
 

@@ -333,6 +333,13 @@ _SUSPECTS: Final = (
 
 def _planner_values(configuration: Configuration) -> Iterator[Cause]:
     known = {p.name: p.value for p in parameters_of(configuration)}
+    named = {
+        "standing-sample": f"{configuration.local_planner.namespace}/min_vel_x",
+        "slow-turn": "oscillation_timeout",
+    }
+    for found in configuration.findings:
+        if found.rule in named and found.suggestion is not None:
+            yield Cause(found.rule, found.message, {named[found.rule]: float(found.suggestion)})
     for suspect in _SUSPECTS:
         prefix = f"{configuration.local_planner.namespace}/" if suspect.of_planner else ""
         name = prefix + suspect.parameter

@@ -54,6 +54,19 @@ def test_the_map_is_used_in_the_global_frame() -> None:
     assert not crosses_wall(move_base.plan.path.poses)
 
 
+def test_costmaps_with_two_frames_of_the_robot() -> None:
+    """base_link and base_footprint are one pose in the plane: the simulated robot has both, as robot_state_publisher gives."""
+    other = "global_costmap/robot_base_frame=base_link"
+    configuration = load_configuration(["turtlebot"], overrides=[other])
+    assert configuration.local_costmap.params.robot_base_frame == "base_footprint"
+    robot = simulated_robot(configuration, walled_map(), START)
+    move_base = build_move_base(configuration, robot, static_map=walled_map())
+    move_base.send_goal(GOAL)
+    move_base.tick(robot.time)
+    assert move_base.plan is not None
+    assert robot.frames.lookup("base_footprint", "base_link") == Transform2D()
+
+
 def test_no_plan_without_the_map() -> None:
     configuration = load_configuration(["turtlebot"], overrides=[FRAME])
     robot = simulated_robot(configuration, walled_map(), START)

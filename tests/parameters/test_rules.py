@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import pytest
 
 from navstack.costmap import InflationLayer
+from navstack.local_planner.dwa import make_critics
 from navstack.parameters import Finding
 from navstack.parameters.configuration import check_parameters, load_configuration
 from navstack.parameters.rules import rules_page
@@ -63,6 +64,76 @@ def test_the_scoring_scale_of_trajectory_rollout_with_meter_scoring() -> None:
     assert "scoring-scale" not in rules_of(
         **rollout, TrajectoryPlannerROS={"occdist_scale": 0.1, "goal_distance_bias": 1.0}
     )
+
+
+ROLLOUT = {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"}
+
+
+@pytest.mark.parametrize(
+    ("more", "distro"),
+    [
+        ({"DWAPlannerROS": {**OLD, "max_trans_vel": 0.5, "max_rot_vel": 1.0}}, "indigo"),
+        # Melodic still reads the previous names of this planner
+        ({**ROLLOUT, "TrajectoryPlannerROS": {"pdist_scale": 0.75, "occdist_scale": 0.1, "meter_scoring": True}}, "noetic"),
+        # a current name in the same file: it was edited since
+        ({"DWAPlannerROS": {**OLD, "max_rot_vel": 1.0, "max_vel_trans": 0.5}}, "noetic"),
+        ({"DWAPlannerROS": {**OLD, "acc_lim_th": 1.0}}, "noetic"),  # the name changed in 2014
+        ({"DWAPlannerROS": {**OLD, "max_rot_vel": 1.0}, "navstack": {"ros_distro": "noetic"}}, "noetic"),
+        # of a planner that is not in use
+        ({"DWAPlannerROS": {}, "TrajectoryPlannerROS": {"pdist_scale": 0.75}}, "noetic"),
+    ],
+)  # fmt: skip
+def test_weights_beside_names_from_before_2018_are_scored_as_before_2018(more: dict[str, Any], distro: str) -> None:
+    """navigation 1.16.0 renamed the parameters and changed the scale of the scores at once."""
+    loaded = load_configuration([robot(**more)])
+    assert loaded.navstack.ros_distro == loaded.local_planner.params.ros_distro == distro
+    dated = [f for f in loaded.findings if f.rule == "dated-weights"]
+    assert [f.severity for f in dated] == ["info"] * (distro == "indigo")
+    assert load_configuration([robot(**more)], distro="noetic").navstack.ros_distro == "noetic"
+    # a value on top of the file does not date it, and the tree of the configuration says what was found
+    changed = load_configuration([robot(**more)], overrides=[f"{loaded.local_planner.namespace}/max_vel_theta=0.7"])
+    assert changed.navstack.ros_distro == distro
+    assert load_configuration([loaded.tree.as_dict()]).navstack.ros_distro == distro
+
+
+@pytest.mark.parametrize(("distro", "weights"), [("noetic", (0.6, 0.8)), ("indigo", (32.0, 24.0))])
+def test_weights_that_are_not_set_are_the_defaults_of_their_time(distro: str, weights: tuple[float, float]) -> None:
+    params = load_configuration([robot()], distro=distro).local_planner.params
+    assert (params.path_distance_bias, params.goal_distance_bias) == weights
+    of_critics = {c.name: c.params for c in make_critics(params)}
+    assert (of_critics["path"].path_distance_bias, of_critics["goal"].goal_distance_bias) == weights
+    both = robot(DWAPlannerROS={"path_distance_bias": 10.0})
+    assert load_configuration([both], distro=distro).local_planner.params.path_distance_bias == 10.0
+
+
+def test_half_a_turn_outlasts_the_oscillation_timeout() -> None:
+    slow: dict[str, Any] = {
+        "oscillation_timeout": 10.0,
+        "DWAPlannerROS": {"max_vel_theta": 0.04, "min_vel_theta": 0.02},
+    }
+    one = found("slow-turn", **slow)
+    assert "78.5 s at max_vel_theta 0.04, longer than oscillation_timeout = 10 s" in one.message
+    assert (one.key, one.severity, one.suggestion) == ("oscillation_timeout", "warning", "157")
+    assert "slow-turn" not in rules_of(**{**slow, "oscillation_timeout": 157.5})
+    assert "slow-turn" not in rules_of(**{**slow, "oscillation_timeout": 0.0})  # no timeout
+    assert "slow-turn" not in rules_of(oscillation_timeout=10.0)
+
+
+def test_a_global_costmap_that_is_only_a_window() -> None:
+    rolling = {"global_costmap__rolling_window": True, "global_costmap__width": 6.0, "global_costmap__height": 8.0}
+    one = found("global-window", **rolling)
+    assert "covers 6 x 8 m around the robot" in one.message and "set rolling_window: false" in one.message
+    empty = {"global_costmap__plugins": [OBSTACLE, INFLATION], "global_costmap__origin_x": -2.0}
+    one = found("global-window", **empty)
+    assert "covers 10 x 10 m from (-2, 0)" in one.message and "list a static layer" in one.message
+    assert "global-window" not in {f.rule for f in check_parameters([robot()])}
+
+
+def test_standing_still_is_a_sample_of_trajectory_rollout() -> None:
+    one = found("standing-sample", **ROLLOUT)
+    assert (one.severity, one.suggestion) == ("info", "0.1")
+    moving = robot(**ROLLOUT, TrajectoryPlannerROS={"min_vel_x": 0.1})
+    assert "standing-sample" not in {f.rule for f in check_parameters([moving])}
 
 
 def test_weights_that_are_large_on_both_scales_do_not_suggest_indigo() -> None:

@@ -20,7 +20,7 @@ from navstack.record import Record
 from navstack.scenario import Run, Scenario, advice_of, drive_tour, run_scenario
 from navstack.scenario.outcome import MUCH_TURNING, MUCH_TURNING_S, advice_for
 from navstack.scenario.places import load_places, visit_order
-from navstack.scenario.run import WARM_UP_S
+from navstack.scenario.run import WARM_UP_S, blind_motion
 from navstack.scenario.tour import TourState
 
 
@@ -269,6 +269,15 @@ def test_no_sensor_explains_a_collision_with_what_the_local_costmap_had() -> Non
     assert "the local costmap had the obstacle of the collision, so no sensor is the cause" in advice
     assert "--time 7.0 shows" in advice
     assert len(advice_for(metrics, (sensor,), collisions=2, marked=(7.5,))) == 2
+    lines = advice_for(metrics, (), collisions=3, marked=(7.5,), backward=(1.0, 7.5), turning=(2.0,))
+    assert sum("drove backward into the obstacle of 1 of 3 collisions" in line for line in lines) == 1
+    assert sum("turned in place into the obstacle of 1 of 3 collisions" in line for line in lines) == 1
+    assert [blind_motion(*v) for v in ((-0.5, 1.0), (0.0, 1.0), (0.0, 0.0), (0.5, 1.0))] == [
+        "backward",
+        "turning",
+        "",
+        "",
+    ]
     # the text of a record's parameters has no file
     assert advice_for(metrics, (replace(sensor, file="(a Python mapping)", line=0, column=0),), collisions=1) == (
         "it is assumed",

@@ -198,6 +198,12 @@ class TrajectoryPlannerParams(ParamModel):
             ]
         )
         yield from checks.goal_tolerances(context, self.xy_goal_tolerance, self.yaw_goal_tolerance, self.min_vel_theta)
+        if self.min_vel_x == 0.0 and self.occdist_scale > 0.0:
+            message = (
+                "min_vel_x = 0 makes standing still one of the samples, and the cheapest one where a turn in place brings a "
+                "corner of the robot to a higher cost, so the robot may stop before a turn; set min_vel_x to 0.1"
+            )
+            yield Issue("info", "standing-sample", ("min_vel_x",), message, "0.1")
 
     def _check_scoring_scale(self, context: CheckContext) -> Iterator[Issue]:
         resolution = context.local_costmap.resolution
