@@ -108,9 +108,6 @@ class DWAParams(ParamModel):
     }
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency", "latch_xy_goal_tolerance"})
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
-    BEFORE_2018: ClassVar[frozenset[str]] = frozenset(
-        {"max_trans_vel", "min_trans_vel", "max_rot_vel", "min_rot_vel", "rot_stopped_vel"}
-    )
     CLAMPED: ClassVar[frozenset[str]] = frozenset(
         {
             "max_vel_trans",

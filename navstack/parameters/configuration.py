@@ -334,7 +334,6 @@ class Loader:
             self._check_unused_of_nav2()
             if any(self.root.leaf(key) is None for key in ("base_local_planner", "base_global_planner")):
                 return None  # reported by the translation
-        former = self._date_weights()
         navstack = self._navstack()
         self.binder.navstack = {"ros_distro": navstack.ros_distro if navstack else "noetic"}
         for name in COSTMAPS:
@@ -382,7 +381,6 @@ class Loader:
             self.findings.append(with_consequences(found, consequences[path]))
         unused = unused_parameters(self.root, self.binder, self.overrides, meant, consequences)
         self.findings += [f for f in unused if f.severity != "info" or not f.key.startswith(sections)]
-        self.findings[:] = [replace(f, replacement=None) if f.key in former else f for f in self.findings]
         return configuration
 
     def _described(self) -> list[DescribedLidar]:
@@ -423,37 +421,6 @@ class Loader:
                     self.binder.origins[below.join(key)] = at
 
     # --- parts --------------------------------------------------------------------------------------------------------
-
-    def _date_weights(self) -> frozenset[str]:
-        """Take the scoring of before 2018 for a local planner whose file has only the parameter names of before 2018.
-
-        Navigation 1.16.0 (2018-07-25) changed both for DWAPlannerROS and reads no previous name, so weights beside previous
-        names were tuned for the previous scoring.
-        Returns the full names of the parameters that date the file; none where `ros_distro` is given.
-        """
-        leaf, given = self.root.leaf("base_local_planner"), self.root.space("navstack")
-        written = leaf.value if leaf is not None else MoveBaseParams.model_fields["base_local_planner"].default
-        known = self.distro is not None or (given is not None and given.leaf("ros_distro") is not None)
-        if known or self.translation is not None or written not in LOCAL_PLANNERS:
-            return frozenset()
-        entry = LOCAL_PLANNERS.get(written)
-        model, space = entry.cls.Params, planner_space(self.root, entry, written)
-        former = [found for name in sorted(model.BEFORE_2018) if (found := space.leaf(name)) is not None]
-        current = [found for name in model.BEFORE_2018 if (found := space.leaf(model.RENAMED[name])) is not None]
-        former = [found for found in former if all(found.at.file != other.at.file for other in current)]
-        if not former:
-            return frozenset()
-        first = min(former, key=lambda found: found.at)
-        names = " and ".join(found.name for found in former[:2])
-        message = (
-            f"{names} of {space.path} {'are names' if len(former) > 1 else 'is a name'} from before 2018, so its weights are "
-            "scored as before 2018 (ros_distro: indigo); if they were tuned for a later release, set "
-            "`navstack: {ros_distro: noetic}` (--distro noetic)"
-        )
-        self.findings.append(finding("info", "dated-weights", first.at, first.path, message))
-        at = Location(first.at.file)  # without the line, which is that of another parameter
-        self.root.ensure("navstack", at).put("ros_distro", at, ScalarNode("indigo", at, text="indigo"))
-        return frozenset(found.path for found in former)
 
     def _navstack(self) -> NavstackParams | None:
         space = self.binder.child(self.root, "navstack")

@@ -173,8 +173,7 @@ class _Fixer:
                 f,
                 f"{f.suggestion} is near, but not nearer than others; rename it yourself"
                 if f.rule != "renamed"
-                else "both names are set, or the previous name tells that the weights are from before 2018; "
-                "set `navstack: {ros_distro: indigo}` first",
+                else "both names are set",
             )
             return None
         old = f.key.rpartition("/")[2]

@@ -537,13 +537,6 @@ def range_of(info: FieldInfo) -> str:
 
 SINGLE_FILE = "move_base_params.yaml"
 """Name of the single file; in a folder it has the role of move_base's own parameters."""
-SCORING_FILE = "navstack.yaml"
-SCORING_TEXT = """\
-# The weights of the local planner are from before 2018, as their previous names told.
-navstack:
-  ros_distro: indigo
-"""
-"""What current names no longer tell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -576,11 +569,7 @@ def migrate(
     why = _why_whole(sources, configuration, changed)
     if not why:
         files = _copies(sources[0], renames)
-        dated = any(f.rule == "dated-weights" for f in configuration.findings)
-        if files is not None and dated and SCORING_FILE not in files:
-            files[SCORING_FILE] = SCORING_TEXT
-            dated = False
-        if files is not None and not dated:
+        if files is not None:
             return Migration(files, renamed)
         why = "a renamed key cannot be replaced in place (it is an anchor or a key of another file)"
     text = as_yaml(parameters_of(configuration), [f"{why}:", "the values set, with their origins"], written_only=True)

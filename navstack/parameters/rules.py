@@ -219,6 +219,25 @@ def local_costmap_sees(configuration: Configuration) -> Iterator[Problem]:
         yield Problem(("/local_costmap/plugins",), message)
 
 
+@rule("default-footprint", "warning")
+def footprint_is_given(configuration: Configuration) -> Iterator[Problem]:
+    """Neither `footprint` nor `robot_radius` is set for a costmap, so the robot is a disc of 0.46 m, the default of ROS:
+    too large for most doors, and too small for a large robot. Example: `radius: 0.4`, which no layer reads.
+
+    Fix: `robot_radius: 0.2`, or `footprint: [[x, y], ..]`, for both costmaps.
+    """
+    for name in COSTMAPS:
+        space = configuration.tree.space(name)
+        if space is None or any(space.search(key) is not None for key in ("footprint", "robot_radius")):
+            continue
+        radius = getattr(configuration, name).params.robot_radius
+        message = (
+            f"neither footprint nor robot_radius of {name} is set, so the robot is a disc with the default radius of ROS, "
+            f"{radius:g} m; set robot_radius or footprint to those of the robot"
+        )
+        yield Problem((f"/{name}/plugins", f"/{name}/global_frame"), message)
+
+
 @rule("footprint-beside-center", "warning")
 def footprint_contains_center(configuration: Configuration) -> Iterator[Problem]:
     """The footprint does not contain (0, 0), the robot's center of rotation: its inscribed radius is the distance to

@@ -218,17 +218,6 @@ document(
     __name__,
 )
 document(
-    "dated-weights",
-    "info",
-    """Navigation 1.16.0 (2018-07-25, Melodic) renamed parameters of DWAPlannerROS (`max_trans_vel`, `max_rot_vel` and others),
-    no longer reads the previous names, and changed the scale of its scores. A file with only the previous names was tuned
-    for the scoring of before, which is therefore used, with its defaults (path_distance_bias 32, goal_distance_bias 24).
-
-    Fix: write `navstack: {ros_distro: indigo}`, or noetic where the weights were tuned for a later release.
-    """,
-    __name__,
-)
-document(
     "standing-sample",
     "info",
     """With `min_vel_x: 0` (the default of TrajectoryPlannerROS), standing still is one of its samples. A turn in place

@@ -26,8 +26,6 @@ class ParamModel(BaseModel):
     - `CLAMPED`: fields that ROS clamps to their range (dynamic_reconfigure, or its code). Such a value is clamped here too, with
       a warning; a value outside of any other range is an error.
     - `FROM_NAVSTACK`: fields taken from the `navstack:` section, which ROS does not read (`ros_distro`).
-    - `BEFORE_2018`: those of `RENAMED` that no release reads which scores as since 2018: a file with only these previous names
-      was tuned for the scoring before.
     - `CHILD_FIELD` with `child_models`: namespaces below this one whose names depend on values (observation sources).
     """
 
@@ -38,7 +36,6 @@ class ParamModel(BaseModel):
     SEARCHED: ClassVar[frozenset[str]] = frozenset()
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset()
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset()
-    BEFORE_2018: ClassVar[frozenset[str]] = frozenset()
     CLAMPED: ClassVar[frozenset[str]] = frozenset()
     CHILD_FIELD: ClassVar[str | None] = None
 

@@ -136,9 +136,9 @@ def test_wrong_parameters(command: str, robot: Path, capfd: pytest.CaptureFixtur
 
 def test_check_strictly(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "robot"]) == 0
-    assert "0 errors, 1 warning, " in capfd.readouterr().out  # no sensor
+    assert "0 errors, 2 warnings, " in capfd.readouterr().out  # no sensor, and the scale of ROS at 0.3 m/s
     assert run(["check", "robot", "--strict"]) == 2
-    assert "1 error, 0 warnings, " in capfd.readouterr().out
+    assert "2 errors, 0 warnings, " in capfd.readouterr().out
     assert run(["check", "robot", "--strict", "--json"]) == 2
     assert {f["severity"] for f in json.loads(capfd.readouterr().out)["findings"]} == {"error", "info"}
     # notes are not warnings

@@ -34,7 +34,7 @@ def golden(folder: Path, name: str) -> list[dict[str, Any]]:
 def drive(data: Path, goals: tuple[Pose2D, ...], **settings: Any) -> RunResult:
     scenario = Scenario(
         map=load_map(data / WILLOW),
-        configuration=load_configuration([data / "params/turtlebot2/param"], distro="noetic", **settings),  # as recorded
+        configuration=load_configuration([data / "params/turtlebot2/param"], **settings),
         start=START,
         goals=goals,
     )
@@ -75,7 +75,7 @@ def test_the_third_goal_takes_as_long_as_in_cpp_with_or_without_its_full_turn(go
     assert 6.0 < circle_s < 9.0
     rng = np.random.default_rng(1)
     grid = load_map(data_dir / WILLOW)
-    configuration = load_configuration([data_dir / "params/turtlebot2/param"], distro="noetic")
+    configuration = load_configuration([data_dir / "params/turtlebot2/param"])
     goal = Pose2D(*case["goal"][:3])
     turned: list[float] = []
     straight: list[float] = []

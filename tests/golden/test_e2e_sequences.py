@@ -31,7 +31,7 @@ class Turtlebot:
 
     def __init__(self, data: Path) -> None:
         grid = load_map(data / WILLOW)
-        configuration = load_configuration([data / "params/turtlebot2/param"], distro="noetic")
+        configuration = load_configuration([data / "params/turtlebot2/param"])
         self.robot: SimulatedRobot = simulated_robot(configuration, grid, Pose2D(29.75, 7.95, 0.0))
         self.events: list[Event] = []
         self.move_base: MoveBase = build_move_base(configuration, self.robot, static_map=grid, listeners=[self])

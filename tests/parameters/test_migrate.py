@@ -56,8 +56,6 @@ def test_only_names_change_and_comments_are_kept(tmp_path: Path) -> None:
     new = 'DWAPlannerROS:\n  max_vel_trans: 0.5  # as max_trans_vel was called\n  "max_vel_theta": 1.5\n'
     assert migration.files["dwa_local_planner_params.yaml"] == new
     assert migration.files["move_base_params.yaml"] == move_base
-    # current names no longer tell that the weights are from before 2018
-    assert migration.files["navstack.yaml"].endswith("navstack:\n  ros_distro: indigo\n")
     assert same_parameters(load_configuration([str(folder)]), written(migration, tmp_path / "new"))
 
 

@@ -69,33 +69,6 @@ def test_the_scoring_scale_of_trajectory_rollout_with_meter_scoring() -> None:
 ROLLOUT = {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"}
 
 
-@pytest.mark.parametrize(
-    ("more", "distro"),
-    [
-        ({"DWAPlannerROS": {**OLD, "max_trans_vel": 0.5, "max_rot_vel": 1.0}}, "indigo"),
-        # Melodic still reads the previous names of this planner
-        ({**ROLLOUT, "TrajectoryPlannerROS": {"pdist_scale": 0.75, "occdist_scale": 0.1, "meter_scoring": True}}, "noetic"),
-        # a current name in the same file: it was edited since
-        ({"DWAPlannerROS": {**OLD, "max_rot_vel": 1.0, "max_vel_trans": 0.5}}, "noetic"),
-        ({"DWAPlannerROS": {**OLD, "acc_lim_th": 1.0}}, "noetic"),  # the name changed in 2014
-        ({"DWAPlannerROS": {**OLD, "max_rot_vel": 1.0}, "navstack": {"ros_distro": "noetic"}}, "noetic"),
-        # of a planner that is not in use
-        ({"DWAPlannerROS": {}, "TrajectoryPlannerROS": {"pdist_scale": 0.75}}, "noetic"),
-    ],
-)  # fmt: skip
-def test_weights_beside_names_from_before_2018_are_scored_as_before_2018(more: dict[str, Any], distro: str) -> None:
-    """navigation 1.16.0 renamed the parameters and changed the scale of the scores at once."""
-    loaded = load_configuration([robot(**more)])
-    assert loaded.navstack.ros_distro == loaded.local_planner.params.ros_distro == distro
-    dated = [f for f in loaded.findings if f.rule == "dated-weights"]
-    assert [f.severity for f in dated] == ["info"] * (distro == "indigo")
-    assert load_configuration([robot(**more)], distro="noetic").navstack.ros_distro == "noetic"
-    # a value on top of the file does not date it, and the tree of the configuration says what was found
-    changed = load_configuration([robot(**more)], overrides=[f"{loaded.local_planner.namespace}/max_vel_theta=0.7"])
-    assert changed.navstack.ros_distro == distro
-    assert load_configuration([loaded.tree.as_dict()]).navstack.ros_distro == distro
-
-
 @pytest.mark.parametrize(("distro", "weights"), [("noetic", (0.6, 0.8)), ("indigo", (32.0, 24.0))])
 def test_weights_that_are_not_set_are_the_defaults_of_their_time(distro: str, weights: tuple[float, float]) -> None:
     params = load_configuration([robot()], distro=distro).local_planner.params
@@ -117,6 +90,17 @@ def test_half_a_turn_outlasts_the_oscillation_timeout() -> None:
     assert "slow-turn" not in rules_of(**{**slow, "oscillation_timeout": 157.5})
     assert "slow-turn" not in rules_of(**{**slow, "oscillation_timeout": 0.0})  # no timeout
     assert "slow-turn" not in rules_of(oscillation_timeout=10.0)
+
+
+def test_a_robot_without_a_footprint() -> None:
+    bare = robot(local_costmap__radius=0.4)
+    del bare["local_costmap"]["robot_radius"]
+    (one,) = [f for f in check_parameters([bare]) if f.rule == "default-footprint"]
+    assert "of local_costmap is set" in one.message and "radius of ROS, 0.46 m" in one.message
+    # of move_base, for both costmaps
+    assert not [f for f in check_parameters([{**bare, "robot_radius": 0.2}]) if f.rule == "default-footprint"]
+    bare["local_costmap"]["footprint"] = [[0.2, 0.2], [0.2, -0.2], [-0.2, -0.2], [-0.2, 0.2]]
+    assert not [f for f in check_parameters([bare]) if f.rule == "default-footprint"]
 
 
 def test_a_global_costmap_that_is_only_a_window() -> None:
