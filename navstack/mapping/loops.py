@@ -86,8 +86,6 @@ LEAST_INFORMATION: Final = 1.0 / 0.1**2
 LEAST_SHARE: Final = 0.02
 """and the points must say this much about the direction that they know worst, relative to the best: a few points at the end of a
 corridor can be anything."""
-CHANCE: Final = 0.01
-"""Information about the worst direction, relative to the best, that noisy normals feign."""
 _OTHER_M, _OTHER_RAD = 0.6, 0.3
 """From here on, a pose is another one: wider than the likelihood around one maximum."""
 _STAYS_SEEN, _STAYS_FREE = 0.2, 0.2
@@ -107,17 +105,14 @@ def edge_information(hessian: NDArray[np.float64], yaw: float, floor: NDArray[np
 def without_chance(hessian: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the Hessian (3, 3) of a match without what noise contributes to the direction of the position that it knows worst.
 
-    The normals of noisy points along a corridor point a little along it: the Hessian then claims to know this direction, and
-    where the match was started is what it claims.
+    The normals of noisy points along a corridor point a little along it. The Hessian then claims to know this direction, and
+    what it claims is the pose that the match began at. `LEAST_SHARE` of the information about the best direction is subtracted.
     """
-    h = hessian
-    turn = max(float(h[2, 2]), 1e-9)
-    a, b, d = h[0, 0] - h[0, 2] ** 2 / turn, h[0, 1] - h[0, 2] * h[1, 2] / turn, h[1, 1] - h[1, 2] ** 2 / turn
-    least, most = position_information(h)
-    angle = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi  # across the direction of most information
+    least, most = position_information(hessian)
+    angle = worst_direction(hessian)
     x, y = math.cos(angle), math.sin(angle)
-    less = min(CHANCE * most, max(least, 0.0))
-    return h - less * np.array([[x * x, x * y, 0.0], [x * y, y * y, 0.0], [0.0, 0.0, 0.0]])
+    less = min(LEAST_SHARE * most, max(least, 0.0))
+    return hessian - less * np.array([[x * x, x * y, 0.0], [x * y, y * y, 0.0], [0.0, 0.0, 0.0]])
 
 
 def _inverse(m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -184,12 +179,26 @@ def _differ(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
 
 def position_information(hessian: NDArray[np.float64]) -> tuple[float, float]:
     """Return the information about the position in the directions that are known worst and best, whatever the heading is."""
-    h = hessian
-    turn = max(float(h[2, 2]), 1e-9)
-    a, b, d = h[0, 0] - h[0, 2] ** 2 / turn, h[0, 1] - h[0, 2] * h[1, 2] / turn, h[1, 1] - h[1, 2] ** 2 / turn
+    a, b, d = _of_position(hessian)
     half = 0.5 * (a + d)
     root = math.sqrt(max(half * half - (a * d - b * b), 0.0))
     return float(half - root), float(half + root)
+
+
+def worst_direction(hessian: NDArray[np.float64]) -> float:
+    """Return the angle of the direction in which the position is known worst, whatever the heading is."""
+    a, b, d = _of_position(hessian)
+    return 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi
+
+
+def _of_position(h: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return xx, xy and yy of the information about the position, with the heading unknown."""
+    turn = max(float(h[2, 2]), 1e-9)
+    return (
+        float(h[0, 0] - h[0, 2] ** 2 / turn),
+        float(h[0, 1] - h[0, 2] * h[1, 2] / turn),
+        float(h[1, 1] - h[1, 2] ** 2 / turn),
+    )
 
 
 def agree(first: Loop, second: Loop, poses: NDArray[np.float64], travelled: float) -> bool:

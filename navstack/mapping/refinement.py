@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Transform2D, normalize_angles
-from navstack.mapping.loops import EDGE_FLOOR, edge_information, without_chance
+from navstack.mapping.loops import EDGE_FLOOR, edge_information, position_information, without_chance, worst_direction
 from navstack.mapping.matching import WEAK, Match, Surfaces
 from navstack.mapping.pose_graph import Edge, PoseGraph, solve
 
@@ -42,9 +42,7 @@ _SHIFTS_M: Final = (-0.3, -0.15, 0.15, 0.3)
 """From where else a match begins, in the direction that it determines worst: after a slip in a corridor, the wrong corners of
 niches are near."""
 _GAIN: Final = 0.01
-"""A match from elsewhere must explain this much more of the scan: corners are a small share of the walls of a corridor. What the
-share gains steadily with the motion does not count: moved back along a corridor, the part that only this scan has seen comes to
-where others have seen walls."""
+"""A match from elsewhere must explain this much more of the scan: corners are a small share of the walls of a corridor."""
 _UNEVEN: Final = 0.05
 """Information in the worst direction, relative to the best, below which a match is tried from elsewhere."""
 _FAR_M, _FARTHEST_M = 0.25, 0.6
@@ -305,19 +303,17 @@ def _best(surfaces: Surfaces, points: NDArray[np.float64], start: Transform2D, *
     first = surfaces.align(points, start, rounds=_ITERATIONS)
     if not elsewhere or first.response < LEAST_RESPONSE:
         return first
-    h = first.hessian
-    turn = max(float(h[2, 2]), 1e-9)
-    a, b, d = h[0, 0] - h[0, 2] ** 2 / turn, h[0, 1] - h[0, 2] * h[1, 2] / turn, h[1, 1] - h[1, 2] ** 2 / turn
-    half, root = 0.5 * (a + d), math.hypot(0.5 * (a - d), b)
-    if half - root >= _UNEVEN * (half + root):
+    least, most = position_information(first.hessian)
+    if least >= _UNEVEN * most:
         return first
-    direction = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi  # across the direction of most information
+    direction = worst_direction(first.hessian)
     x, y, yaw = first.pose.tolist()
     c, s = math.cos(direction), math.sin(direction)
     others = [surfaces.align(points, Transform2D(x + m * c, y + m * s, yaw), rounds=_ITERATIONS) for m in _SHIFTS_M]
     moved = np.array([c * (match.pose[0] - x) + s * (match.pose[1] - y) for match in others])
     gain = np.array([match.response - first.response for match in others])
     slopes = [(gain[i] - gain[j]) / (moved[i] - moved[j]) for i, j in ((0, 3), (1, 2)) if moved[i] != moved[j]]
+    # moved back, the part that only this scan has seen comes to where others have seen walls: a gain that grows steadily
     if slopes and min(slopes) * max(slopes) > 0.0:
         gain -= moved * min(slopes, key=abs)
     best = int(np.argmax(gain))
