@@ -214,7 +214,8 @@ class Exploration:
             if not run.goals.under_way:
                 failed = sum(1 for _, _, f in reached if self._not_reached(f))
                 self.is_exhausted = True
-                self.stop(f"{failed} frontiers remain that the robot did not get to" if failed else _COMPLETE)
+                remain = "1 frontier remains" if failed == 1 else f"{failed} frontiers remain"
+                self.stop(f"{remain} that the robot did not get to" if failed else _COMPLETE)
             else:
                 run.interact(Cancel(time=run.robot.time))
             return
