@@ -46,11 +46,24 @@ class Loop:
     measured: Transform2D
     """Pose of `keyframe` seen from `place`."""
     information: NDArray[np.float64]
-    accepted: bool = False
-    reason: str = ""
-    """Why it was accepted or rejected."""
+    in_graph: bool = False
+    """Whether it was accepted while scans came."""
+    decision: str = ""
+    """Why, or why not."""
     residual: float = math.nan
     """Error of the edge after the graph was solved, in standard deviations; NaN for one that is not in the graph."""
+    withdrawn: str = ""
+    """Why the finished mapping does without it; empty if it does not."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the graph has it."""
+        return self.in_graph and not self.withdrawn
+
+    @property
+    def reason(self) -> str:
+        """Why it was accepted or rejected."""
+        return self.withdrawn or self.decision
 
     def __str__(self) -> str:
         x, y, yaw = self.correction

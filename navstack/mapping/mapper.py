@@ -358,6 +358,20 @@ class Mapper:
             solution = solve(self.graph, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20)
             self._poses[: len(solution.poses)] = solution.poses
         final = self._refine() or self.graph
+        self._judge(final)
+        wrong = {(loop.place, loop.keyframe) for loop in self.loops if loop.withdrawn}
+        if wrong:
+            final = PoseGraph(self.graph.poses, [e for e in final.edges if not e.is_loop or (e.i, e.j) not in wrong])
+            solution = solve(final, starts=("poses",), kernel_width=KERNEL_WIDTH, max_iterations=20)
+            self._poses[: len(solution.poses)] = solution.poses
+            self.final_graph = PoseGraph(self.graph.poses, final.edges)
+            self._judge(self.final_graph)
+
+    def _judge(self, final: PoseGraph) -> None:
+        """Measure the accepted loops by the final graph; withdraw those that it contradicts.
+
+        A loop that asked for a small correction was accepted where the graph was wrong in the same way.
+        """
         chi2 = final.edge_chi2() if final.edges else np.empty(0)
         accepted = {(loop.place, loop.keyframe) for loop in self.loops if loop.accepted}
         pairs = zip(final.edges, chi2.tolist(), strict=True)
@@ -365,6 +379,8 @@ class Mapper:
         for loop in self.loops:
             if loop.accepted:
                 loop.residual = by_nodes.get((loop.place, loop.keyframe), math.nan)
+                if loop.residual > MOST_STRAIN:
+                    loop.withdrawn = f"the final graph is off by {loop.residual:.1f} standard deviations from it"
 
     def _go_on(self) -> None:
         """Undo what `finish` has changed."""
@@ -373,6 +389,8 @@ class Mapper:
         self._poses[: len(self.graph.poses)] = self.unfinished.poses
         self.pending = self.unfinished.pending
         del self.loops[self.unfinished.decided :]
+        for loop in self.loops:
+            loop.withdrawn = ""
         self.unfinished = self.final_graph = self.calibration = None
 
     def state(self) -> dict[str, Any]:
@@ -756,7 +774,7 @@ class Mapper:
         return 1 if angle > WIDE_RAD else min(2 * math.ceil(math.pi / max(angle, 0.1)), self.params.scan_buffer_size)
 
     def _decide(self, loop: Loop, accepted: bool, reason: str) -> Loop:
-        loop.accepted, loop.reason = accepted, reason
+        loop.in_graph, loop.decision = accepted, reason
         self.loops.append(loop)
         return loop
 
@@ -790,8 +808,8 @@ class Mapper:
             if worst > MOST_STRAIN:
                 self._remove(group)
                 for loop in group:
-                    loop.accepted = False
-                    loop.reason = f"a match along the way would be off by {worst:.1f} standard deviations"
+                    loop.in_graph = False
+                    loop.decision = f"a match along the way would be off by {worst:.1f} standard deviations"
 
     def _add(self, loops: list[Loop]) -> None:
         for loop in loops:

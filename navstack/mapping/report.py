@@ -144,7 +144,7 @@ def _beyond(odometry: Transform2D, matched: Transform2D, sigma: tuple[float, flo
 
 def _kind(reason: str) -> str:
     """Return the reason of a rejection without its figures."""
-    for part in (":", " in free space", " would be off"):
+    for part in (":", " in free space", " would be off", " is off by"):
         if part in reason:
             return "points in free space" if "free" in part else reason.partition(part)[0]
     return reason

@@ -150,7 +150,7 @@ def test_wrong_loops_that_wait_do_not_take_later_ones_with_them(
     poses = [Transform2D(*pose) for pose in mapper.graph.poses.tolist()]
     # 0.3 m of the way between keyframes 5 and 7 would be missing
     wrong = [
-        dataclasses.replace(first, keyframe=j, place=i, correction=(0.0, 0.0, 0.0), accepted=False, measured=measured)
+        dataclasses.replace(first, keyframe=j, place=i, correction=(0.0, 0.0, 0.0), in_graph=False, measured=measured)
         for i in range(2, 6)
         for j in range(7, 11)
         for measured in [poses[i].inverse() @ Transform2D(-0.3, 0.0, 0.0) @ poses[j]]
@@ -170,6 +170,30 @@ def test_wrong_loops_that_wait_do_not_take_later_ones_with_them(
     assert not any(edge.is_loop and edge.j <= 10 for edge in mapper.graph.edges)
     assert sum(loop.accepted for loop in mapper.loops if loop.keyframe > first.keyframe) >= 3
     assert worst_error(mapper) < 0.1
+
+
+def test_a_loop_that_the_final_graph_contradicts_is_withdrawn_until_more_scans_come() -> None:
+    mapper, rest = Mapper(), [frame for frame, _ in lap()]
+    while sum(loop.accepted for loop in mapper.loops) < 8:
+        frame = rest.pop(0)
+        mapper.add_scan(frame.scan.stamp, frame.odometry, frame.scan)
+    loop = next(loop for loop in mapper.loops if loop.accepted)
+    wrong = loop.measured @ Transform2D(0.4, 0.0, 0.0)
+    for n, edge in enumerate(mapper.graph.edges):
+        if edge.is_loop and (edge.i, edge.j) == (loop.place, loop.keyframe):
+            mapper.graph.edges[n] = edge._replace(measured=wrong)
+    before = [str(each) for each in mapper.loops]
+    mapper.finish()
+    assert not loop.accepted and loop.reason.startswith("the final graph is off by ")
+    assert str(loop).startswith("rejected")
+    assert mapper.final_graph is not None
+    assert not any(
+        edge.is_loop and (edge.i, edge.j) == (loop.place, loop.keyframe) for edge in mapper.final_graph.edges
+    )
+    assert sum(each.accepted for each in mapper.loops) >= 6
+    assert worst_error(mapper) < 0.1
+    mapper.add_scan(rest[0].scan.stamp, rest[0].odometry, rest[0].scan)
+    assert loop.accepted and len(before) <= len(mapper.loops)
 
 
 def test_a_wrong_match_does_not_reject_loops_elsewhere() -> None:
