@@ -26,6 +26,14 @@ CORRIDOR = "map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[4.8, 7.45, 0.0]]\n"
 """A goal 4 m away, in the corridor of the office."""
 
 
+WATCH_MESSAGES = """() => {
+    window.messages = [];
+    new MutationObserver((changes) => changes.forEach((change) => change.addedNodes.forEach((item) => {
+        if (item.classList.contains('error')) window.messages.push(item.textContent);
+    }))).observe(document.getElementById('toasts'), { childList: true });
+}"""
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     if CHROMIUM is None:
@@ -108,8 +116,12 @@ def live(scenario: Callable[[str], Scenario], tmp_path: Path) -> Iterator[Callab
 
 @pytest.fixture
 def open_page(browser: Any) -> Iterator[Callable[..., Any]]:
-    """Opens pages: `open_page(live)`. At the end: no error on a console, no request to another host."""
+    """Opens pages: `open_page(live)`. At the end: no error on a console, no request to another host, no unexpected message.
+
+    The texts of error messages that a test provokes stand in `page.expected`.
+    """
     contexts: list[Any] = []
+    pages: list[Any] = []
     problems: list[str] = []
 
     def open_(live: Live, *, size: tuple[int, int] = (1280, 800), **context: Any) -> Any:
@@ -125,9 +137,15 @@ def open_page(browser: Any) -> Iterator[Callable[..., Any]]:
         page.goto(live.address)
         page.wait_for_function("() => window.navstack?.store.main?.pose && window.navstack.scene.frames > 0")
         page.problems = problems
+        page.expected = []
+        page.evaluate(WATCH_MESSAGES)
+        pages.append(page)
         return page
 
     yield open_
+    for page in pages:
+        texts = [] if page.is_closed() else page.evaluate("() => window.messages ?? []")
+        problems += [f"message: {text}" for text in texts if not any(part in text for part in page.expected)]
     for context in contexts:
         context.close()
     assert problems == []

@@ -195,6 +195,7 @@ def test_a_recorded_run_has_a_time_line(live: Start, open_page: Open, scenario: 
     wait_until(page, "!side.seeking && Math.abs(side.t - 2) < 0.3")
     page.evaluate("() => { window.navstack.act({ type: 'cancel' }); }")
     page.locator(".toast.error", has_text="recorded run").wait_for()
+    page.expected.append("recorded run")
 
 
 def test_the_replay_of_a_log_has_a_time_line(live: Start, open_page: Open, tmp_path: Path) -> None:

@@ -98,9 +98,17 @@ def test_an_obstacle_is_moved_and_removed(live: Start, open_page: Open) -> None:
     page.click("#tool-delete")
     page.mouse.click(*at(page, 4.0, 7.8))
     wait_until(page, "side.shapes.length === 0")
+    page.click("#tool-disc")
+    page.mouse.click(*at(page, 3.0, 7.4))
+    wait_until(page, "side.shapes.length === 1")
+    page.click("#tool-why")
+    page.mouse.click(*at(page, 3.0, 7.4))  # marks it
+    page.keyboard.press("Delete")
+    wait_until(page, "side.shapes.length === 0")
     page.click("#tool-box")
     page.mouse.click(*at(page, 0.8, 7.45))  # on the robot
     page.locator(".toast.error", has_text="would overlap the robot").wait_for()
+    page.expected.append("would overlap the robot")
 
 
 def test_a_slider_changes_the_very_next_control_cycle(live: Start, open_page: Open) -> None:

@@ -56,6 +56,7 @@ def test_two_nodes_are_added_connected_saved_and_reloaded(
     page.fill("#graph-penalty", "-3")
     page.keyboard.press("Tab")
     page.locator(".toast.error", has_text="penalty is -3").wait_for()
+    page.expected.append("penalty is -3")
     page.fill("#graph-name", "mine")
     page.click("#graph-save")
     page.locator(".toast", has_text="mine.geojson").wait_for()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import random
+import re
 import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -104,6 +105,14 @@ def test_the_page_is_small_and_needs_nothing_else() -> None:
     for file in files:
         text = file.read_text(encoding="utf-8").replace("http://www.w3.org/", "")
         assert "http://" not in text and "https://" not in text, file
+
+
+@pytest.mark.parametrize("file", sorted(Path(messages.__file__).with_name("page").glob("*.js")), ids=lambda f: f.name)
+def test_no_class_of_the_page_has_two_methods_of_one_name(file: Path) -> None:
+    """In JavaScript the last one silently replaces the others."""
+    for code in re.split(r"^(?:export )?class ", file.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
+        names = re.findall(r"^  ((?:get |set )?)(?:async )?(\w+)\(.*\) \{", code, flags=re.MULTILINE)
+        assert len(names) == len(set(names)), names
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "localhost.evil.example", "", "192.168.0.7"])

@@ -236,12 +236,12 @@ class App {
     on('fit', () => this.fit());
     on('follow', () => { this.follow = !this.follow; this.followButton(); });
     on('help', (event) => { if (event.target === $('help')) $('help').close(); });
-    $('robots').addEventListener('change', (event) => this.select(event.target.value));
+    $('robots').addEventListener('change', (event) => this.showRobot(event.target.value));
     $('speed').addEventListener('change', (event) => this.act({ type: 'speed', factor: event.target.value === 'max' ? null : Number(event.target.value) }));
   }
 
   /** Shows another robot of the fleet; the page begins anew: its footprint, limits and layers are others. */
-  async select(name) { if (await this.act({ type: 'robot', name })) location.reload(); }
+  async showRobot(name) { if (await this.act({ type: 'robot', name })) location.reload(); }
 
   /** A recorded run goes to its start; a session begins again. */
   restart() { return this.store.world?.fixed ? this.timeline.seek(0) : this.act({ type: 'restart' }); }

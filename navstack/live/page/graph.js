@@ -170,7 +170,8 @@ export class Graph {
   update() {
     const { data } = this, side = this.app.store.main, route = side?.route;
     this.counts.textContent = data && (data.nodes.length || data.edges.length) ? `${data.nodes.length} nodes, ${data.edges.length} edges` : 'No graph yet: add nodes and connect them, or make one from the map.';
-    this.folder.textContent = data?.folder ? `Folder: ${data.folder}` : 'Nothing can be saved: start navstack live with --graph FILE or --save-to DIR.';
+    const folder = data ? data.folder : this.app.store.world?.save_to; // no graph yet: as --save-to says
+    this.folder.textContent = folder ? `Folder: ${folder}` : 'Nothing can be saved: start navstack live with --graph FILE or --save-to DIR.';
     $('graph-undo').disabled = this.app.readOnly || !data?.can_undo;
     this.driving.hidden = !route;
     if (route) {

@@ -220,7 +220,7 @@ export class Tools {
     if (!side) return;
     const goals = [...side.goals.under_way, ...[...side.goals.ended].reverse()];
     const robot = side.robots.find(([name]) => side.polygons.some((p) => p[0] === name && inside(p.slice(1), x, y)));
-    if (robot) { app.select(robot[0]); return; }
+    if (robot) { app.showRobot(robot[0]); return; }
     const goal = app.layers.get('goals').on && goals.find((g) => Math.hypot(g.pose[0] - x, g.pose[1] - y) < near);
     if (goal) { app.why.goal(goal.number); return; }
     const sample = app.layers.get('trajectories').on ? this.sampleAt(side, x, y, near) : null;
