@@ -438,6 +438,9 @@ class _Cycle:
     """Why a motion, or a controller without samples, gave its command; empty for one with samples."""
 
 
+ARRIVED: Final = "the robot is within the tolerances of the goal: it stops, and no trajectories are sampled"
+
+
 def explain_command(record: Record, time: float | None = None) -> CommandReport:
     """Explain the last command until `time` (s; default: the end of the run). Replays the run up to it.
 
@@ -491,12 +494,16 @@ def _replay_cycle(record: Record, requested: float) -> _Cycle:
     if recorded is not None and recorded.t == replayed.time and recorded.plan.samples is None and recorded.plan.notes:
         # a controller without samples says what limited its command
         return _Cycle(replayed, name, replace(recorded.plan, notes=()), reasons="; ".join(recorded.plan.notes))
+    if recorded is not None and recorded.t == replayed.time and recorded.plan.mode == "arrived":
+        return _Cycle(
+            replayed, name, recorded.plan, reasons=ARRIVED
+        )  # the end of most runs: nothing is sampled any more
     failure = _failure_at(record, replayed.time)
     if failure and isinstance(planner, PathFollower):
         return _Cycle(replayed, name, LocalPlan(Twist2D(), "failed"), reasons=f"no command: {failure[2:-1]}")
     if recorded is None or recorded.t != replayed.time or recorded.plan.samples is None:
         raise RecordError(
-            f"{name} evaluated no samples at {replayed.time:.3f} s{failure}; give an earlier or later --time",
+            f"{name} evaluated no samples at {replayed.time:.3f} s{failure}; ask about an earlier or later time",
             time=replayed.time,
         )
     return _Cycle(replayed, name, recorded.plan)

@@ -10,7 +10,7 @@ import pytest
 
 from navstack.cli.app import run
 from navstack.core import GridGeometry, InputError, OccupancyGrid, Pose2D, RecordError
-from navstack.explain.command import explain_command
+from navstack.explain.command import ARRIVED, explain_command
 from navstack.parameters import load_configuration
 from navstack.plot.fan import Fan, plot_fan
 from navstack.record import Record
@@ -124,6 +124,18 @@ def test_at_the_goal(record: Record) -> None:
     report = explain_command(record, float(record.local_plan_times[-2]))
     assert report.plan.mode in ("brake", "rotate_to_goal", "follow")
     assert report.summary
+
+
+@pytest.mark.parametrize("time", [None, -1])
+def test_the_end_of_a_run_that_arrived(
+    time: int | None, record: Record, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command without --time asks about the end, where the robot stops at its goal without sampling."""
+    report = explain_command(record, None if time is None else float(record.local_plan_times[time]))
+    assert report.plan.mode == "arrived" and report.plan.command == (0.0, 0.0, 0.0)
+    assert report.summary == ARRIVED and not report.samples
+    assert run(["explain", "command", str(folder)]) == 0
+    assert ARRIVED in " ".join(capsys.readouterr().out.split())
 
 
 def test_times_without_a_command(record: Record) -> None:
