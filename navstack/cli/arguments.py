@@ -52,8 +52,15 @@ def parse_numbers(text: str, argument: str, shape: str, counts: tuple[int, ...])
 
 
 def parse_pose(text: str, argument: str) -> Pose2D:
-    """`x,y` or `x,y,yaw` -> pose (m, rad); the default yaw is 0. Raises InputError."""
+    """`x,y` or `x,y,yaw` -> pose (m, rad; `90deg` is an angle in degrees); the default yaw is 0. Raises InputError."""
+    head, comma, yaw = text.rpartition(",")
+    if comma and yaw.strip().endswith("deg"):
+        from navstack.behaviors import parse_angle
+
+        text = f"{head},{parse_angle(yaw)!r}"
     values = parse_numbers(text, argument, "x,y or x,y,yaw in meters and radians, such as 29.75,7.95,1.57", (2, 3))
+    if len(values) == 3 and abs(values[2]) > 2.0 * math.pi:
+        print_note(f"{argument}: the yaw {values[2]:g} is taken as radians; for degrees, write {values[2]:g}deg")
     return Pose2D(values[0], values[1], normalize_angle(values[2]) if len(values) == 3 else 0.0)
 
 

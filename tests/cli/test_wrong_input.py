@@ -378,3 +378,13 @@ def test_out_of_memory(navstack, monkeypatch: pytest.MonkeyPatch) -> None:
     outcome = navstack("simulate", "--out", "out")
     assert outcome.code == 2
     assert "out of memory: Unable to allocate 671. GiB" in outcome.err
+
+
+def test_a_heading_in_degrees(navstack) -> None:
+    poses = ("plan", "office", "--start", "0.8,7.45", "--goal")
+    degrees, radians = navstack(*poses, "3,7.45,90deg", "--json"), navstack(*poses, f"3,7.45,{np.pi / 2.0!r}", "--json")
+    assert json.loads(degrees.out)["poses"] == json.loads(radians.out)["poses"]
+    assert "radians" not in degrees.err
+    assert "the yaw 90 is taken as radians; for degrees, write 90deg" in navstack(*poses, "3,7.45,90").err
+    wrong = navstack(*poses, "3,7.45,ndeg")
+    assert wrong.code == 2 and "write 90deg" in wrong.err
