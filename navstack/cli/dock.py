@@ -23,7 +23,7 @@ from navstack.cli.output import (
     stdout,
     titled_table,
 )
-from navstack.core import InputError, ensure_directory, locked_folder, write_json
+from navstack.core import InputError, locked_folder, write_json
 from navstack.docking import DockDatabase
 from navstack.parameters import load_configuration
 from navstack.plot import plot_docking
@@ -178,7 +178,7 @@ def dock(chosen: DockOptions, out: options.RunOutput = Path("navstack_dock"), js
     Exit codes: 0 docked, 1 not docked, 2 invalid input, 130 interrupted (143 by SIGTERM, 129 by SIGHUP).
     """
     scenario, name = chosen.build()
-    with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
+    with locked_folder(out), interrupt_flag() as interrupt:
         with loading_kernels(scenario.configuration.planner_names, quiet=json_):
             warm_up(scenario)
         result = run_scenario(scenario, stop=interrupt)

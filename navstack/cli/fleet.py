@@ -22,7 +22,7 @@ from navstack.cli.output import (
     stdout,
     titled_table,
 )
-from navstack.core import ensure_directory, locked_folder, write_json
+from navstack.core import locked_folder, write_json
 from navstack.fleet import run_fleet, warm_up_fleet
 from navstack.plot import plot_fleet, plot_run
 
@@ -36,7 +36,7 @@ _IN_TABLE: Final = ("goals", "max_collisions")
 
 def simulate_fleet(fleet: Fleet, folder: Path, *, scans: bool, json_: bool) -> int:
     """Run a fleet, write the records of its robots, pictures and a summary, and print it. Return the exit code."""
-    with locked_folder(ensure_directory(folder)), interrupt_flag() as interrupt:
+    with locked_folder(folder), interrupt_flag() as interrupt:
         result = _run(fleet, interrupt, folder, quiet=json_, scans=scans)
         files = _write(result, folder)
         if json_:

@@ -27,7 +27,7 @@ from navstack.cli.output import (
     stdout,
     titled_table,
 )
-from navstack.core import InputError, Pose2D, RecordError, ensure_directory, locked_folder, write_json, write_text
+from navstack.core import InputError, Pose2D, RecordError, locked_folder, write_json, write_text
 from navstack.explain import explain_tracking
 from navstack.map_io import map_names
 from navstack.parameters import load_configuration, short_name
@@ -348,7 +348,7 @@ def _is_free(scenario: Scenario, trajectory: Trajectory, start: Pose2D) -> bool:
 
 def run_motions(scenario: Scenario, folder: Path, *, json_: bool) -> int:
     """Drives the steps of a scenario; returns the exit code. Ctrl-C and SIGTERM stop the robot and keep the record."""
-    with locked_folder(ensure_directory(folder)), interrupt_flag() as interrupt:
+    with locked_folder(folder), interrupt_flag() as interrupt:
         return _run(scenario, folder, interrupt, json_=json_)
 
 

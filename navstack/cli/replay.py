@@ -63,7 +63,7 @@ def replay(
     if from_ is not None and to is not None and not from_ < to:
         raise InputError(f"--from {from_:g} is not before --to {to:g}; give a span of the log in seconds")
     with (
-        locked_folder(ensure_directory(out)),
+        locked_folder(out),
         interrupt_flag() as interrupt,
         chosen.opened(start=from_, end=to, scans=scans) as opened,
     ):

@@ -28,7 +28,7 @@ from navstack.cli.output import (
     titled_table,
 )
 from navstack.cli.scenario_options import ScenarioOptions
-from navstack.core import ensure_directory, locked_folder, write_json
+from navstack.core import locked_folder, write_json
 from navstack.explain import narrow_advice
 from navstack.plot import plot_run
 from navstack.scenario import run_scenario, warm_up
@@ -67,7 +67,7 @@ def simulate(
     if fleet is not None:
         return simulate_fleet(fleet, out, scans=scans, json_=json_)
     scenario = chosen.build()
-    with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
+    with locked_folder(out), interrupt_flag() as interrupt:
         return _simulate(scenario, out, interrupt, timings=timings, scans=scans, json_=json_)
 
 

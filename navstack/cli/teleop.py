@@ -21,7 +21,7 @@ from navstack.cli.last_run import save_record
 from navstack.cli.motions import MotionOptions, World
 from navstack.cli.output import counted, loading_kernels, print_files, stdout
 from navstack.cli.terminal import map_lines, single_keys
-from navstack.core import LETHAL, NavError, ensure_directory, locked_folder
+from navstack.core import LETHAL, NavError, locked_folder
 from navstack.plot import plot_run
 from navstack.scenario import INTERACTION, Run, warm_up
 
@@ -69,7 +69,7 @@ def teleop(
     import signal
 
     scenario = chosen.build(world, ())
-    with locked_folder(ensure_directory(out)):
+    with locked_folder(out):
         with interrupt_flag() as interrupt, single_keys() as read:
             with loading_kernels(scenario.configuration.planner_names):
                 warm_up(scenario)

@@ -27,7 +27,7 @@ from navstack.cli.output import (
     titled_table,
     verbosity,
 )
-from navstack.core import InputError, ensure_directory, locked_folder, write_json
+from navstack.core import InputError, locked_folder, write_json
 from navstack.map_io import map_names, map_path
 from navstack.parameters import load_configuration
 from navstack.plot import plot_run
@@ -235,7 +235,7 @@ def tour(
     Exit codes: 0 every goal SUCCEEDED, 1 some did not, 2 invalid input, 130 interrupted (143 by SIGTERM, 129 by SIGHUP).
     """
     scenario, names = chosen.build()
-    with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
+    with locked_folder(out), interrupt_flag() as interrupt:
         return _tour(scenario, names, out, interrupt, json_=json_)
 
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from navstack.core.errors import OutputError
+from navstack.core.files import ensure_directory, exists
 
 
 def try_lock(file: int) -> bool:
@@ -30,10 +31,27 @@ def try_lock(file: int) -> bool:
 
 @contextmanager
 def locked_folder(folder: Path) -> Generator[None]:
-    """Hold the lock of an output folder. Raises OutputError if another process writes into it.
+    """Create an output folder and hold its lock. Raises OutputError if it is not writable or another process writes into it.
 
-    The folder itself is locked, so that no lock file remains in it.
+    The folder itself is locked, so that no lock file remains in it. After an error, folders that were created and are still
+    empty are removed.
     """
+    missing = [path for path in (folder, *folder.parents) if not exists(path)]
+    ensure_directory(folder)
+    try:
+        with _lock_of(folder):
+            yield
+    except BaseException:
+        for path in missing:
+            try:
+                path.rmdir()
+            except OSError:  # not empty
+                break
+        raise
+
+
+@contextmanager
+def _lock_of(folder: Path) -> Generator[None]:
     try:
         number = os.open(folder, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
     except OSError:  # not readable, or a system that cannot open folders

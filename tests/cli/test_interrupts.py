@@ -133,6 +133,20 @@ def test_two_runs_into_one_folder(command: str, tmp_path: Path, capfd: pytest.Ca
         pass
 
 
+def test_an_error_leaves_no_empty_folder(tmp_path: Path) -> None:
+    new = tmp_path / "a" / "b"
+    with pytest.raises(ZeroDivisionError), locked_folder(new):
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(ZeroDivisionError), locked_folder(new):
+        (new / "run.log").write_text("")
+        raise ZeroDivisionError
+    assert (new / "run.log").is_file()  # what was written stays
+    with pytest.raises(ZeroDivisionError), locked_folder(new.parent):  # a folder that was there stays
+        raise ZeroDivisionError
+    assert new.is_dir()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["info"], ["info", "--json"], ["check", "turtlebot", "--json"], ["--version"]])
 def test_a_full_disk(arguments: list[str]) -> None:
