@@ -242,7 +242,7 @@ class FollowTrajectory(Motion):
         t = 0.0 if self._clock is None else min(self._now - self._clock, self.trajectory.duration)
         found = self.error_summary()
         return (
-            f"{self.name} followed {self._given.name or 'the trajectory'} for {t:.1f} of {self._given.duration:.1f} s, mean "
+            f"{self.name}: followed {self._given.name or 'the trajectory'} for {t:.1f} of {self._given.duration:.1f} s, mean "
             f"error {100.0 * found['error_mean_m']:.2f} cm, largest {100.0 * found['error_max_m']:.2f} cm"
         )
 

@@ -102,6 +102,8 @@ def _print_fixes(fixes: KeyFixes, *, diff: bool) -> None:
     out = stdout()
     if diff:
         out.print(fixes.diff(), markup=False, end="")
+        if not fixes.fixes:
+            print_note("no key would be corrected; without --diff, check lists the findings")
     else:
         for one in fixes.fixes:
             out.print(one.text, markup=False)

@@ -160,6 +160,7 @@ def verification_notes(runs: Sequence[Mapping[str, Any]], rows: Sequence[Mapping
 
 
 def _change_of(row: Mapping[str, Any]) -> str:
-    """A measure with its difference and the interval."""
+    """A measure with its difference and the interval; three digits also where the last ones are 0."""
     difference = row["difference"].interval
-    return f"{row['measure']} {row['a'].value:.3g} -> {row['b'].value:.3g} (by {difference.text(3)})"
+    before, after = (f"{row[side].value:#.3g}".rstrip(".") for side in "ab")
+    return f"{row['measure']} {before} -> {after} (by {difference.text(3)})"

@@ -31,13 +31,15 @@ class Verbosity(IntEnum):
 
 
 _verbosity = Verbosity.NORMAL
-COMPILING: Final = "compiling kernels (first use only, up to 30 s)"
+_compiling_noted = False
+"""True once the note about compilation has been printed: once per command is enough."""
+COMPILING: Final = "compiling kernels, once per machine; about half a minute on two free cores"
 
 
 def set_verbosity(verbosity: Verbosity) -> None:
-    """Sets how much the commands of this process write to stderr."""
-    global _verbosity
-    _verbosity = verbosity
+    """Sets how much the commands of this process write to stderr; each command begins with it."""
+    global _verbosity, _compiling_noted
+    _verbosity, _compiling_noted = verbosity, False
 
 
 def verbosity() -> Verbosity:
@@ -187,7 +189,7 @@ def loading_kernels(
         if status is not None and stderr().is_terminal:
             status.update(COMPILING)
         elif not announced:
-            print_note(COMPILING)
+            _note_compiling()
 
     with status or nullcontext(), compilation_reported(announce):
         yield
@@ -215,13 +217,20 @@ def compile_kernels(
             if update is None and shows_progress(quiet=quiet):
                 update = opened.enter_context(counting_bar("compiling kernels, once per machine", quiet=quiet))
             elif update is None:
-                print_note(COMPILING)
+                _note_compiling()
                 update = _shows_nothing
             update(done, total)
             if progress is not None:
                 progress(done, total)
 
         return compile_ahead(uses, show, required=required)
+
+
+def _note_compiling() -> None:
+    global _compiling_noted
+    if not _compiling_noted:
+        print_note(COMPILING)
+    _compiling_noted = True
 
 
 def _shows_nothing(done: int, total: int) -> None:

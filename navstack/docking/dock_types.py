@@ -192,7 +192,7 @@ class SimpleDock(DockType[N]):
         remark = f"; {self.detector.remark}" if self.detector.remark else ""
         if self._filter.count == 0:
             return f"no detection{remark}"
-        return f"{self._filter.count} detections, the last at {self._last_seen:.2f} s{remark}"
+        return f"{self._filter.count} detection{'s' * (self._filter.count != 1)}, the last at {self._last_seen:.2f} s{remark}"
 
     def _yaw_of(self, found: DockDetection) -> float:
         """Return the heading of the dock: of the x axis of the marker after the rotation of the parameters.

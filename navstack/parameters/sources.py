@@ -382,7 +382,7 @@ def read_sources(
         else:
             out.arguments[argument[0]] = argument[1]
     if not named:
-        message = f"no parameters are named; name a folder, files or {_sets()}"
+        message = f"no parameters are named; name a folder, YAML files or {_sets()}"
         out.add_finding("error", "no-source", Location("--params"), message)
     texts = [str(s).partition("@")[0] for s in named if isinstance(s, (str, Path))]
     out.named = {resolved(Path(text)) for text in texts if text not in packaged_sets()}
@@ -481,7 +481,7 @@ def short_name(source: str) -> str:
 
 
 def _sets() -> str:
-    return " or ".join(f'"{n}"' for n in packaged_sets())
+    return f"a packaged set ({', '.join(packaged_sets())})"
 
 
 def to_node(value: Any, at: Location) -> Node:

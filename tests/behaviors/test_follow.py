@@ -195,7 +195,7 @@ def test_following_stops_before_an_obstacle() -> None:
     motion, robot = appears.motion, appears.robot
     motion.start(appears.context, 0.0)
     commands = []
-    with pytest.raises(MotionCollisionError, match=r"follow followed figure_eight for .+ and stopped"):
+    with pytest.raises(MotionCollisionError, match=r"follow: followed figure_eight for .+ and stopped"):
         for k in range(400):
             robot.advance_to(0.05 * k)
             if k == 100:

@@ -102,10 +102,10 @@ JERK, TIME = measure("jerk", 1.7, 5.4, 3.1, 4.2), measure("time", 30.0, 31.0, -0
             [TIME, JERK],
             [
                 "fails in 1 of 6 drives in which the original succeeds, and succeeds in 1 in which it fails",
-                "changes the drive beyond the noise: jerk 1.7 -> 5.4 (by 3.700 [3.100, 4.200])",
+                "changes the drive beyond the noise: jerk 1.70 -> 5.40 (by 3.700 [3.100, 4.200])",
             ],
         ),
-        ("xxxxxx", "xxxxxx", [JERK], ["jerk 1.7 -> 5.4"]),
+        ("xxxxxx", "xxxxxx", [JERK], ["jerk 1.70 -> 5.40"]),
     ],
 )
 def test_what_a_verification_shows(original: str, converted: str, rows: list[dict[str, Any]], notes: list[str]) -> None:

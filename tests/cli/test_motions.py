@@ -69,7 +69,7 @@ def test_drive_to_a_pose_and_to_a_place(capsys: pytest.CaptureFixture[str]) -> N
 def test_follow_prints_draws_and_writes_the_errors(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     assert run(["follow", "figure_eight", "--size", "0.6", "--speed", "0.4"]) == 0
     text = capsys.readouterr()
-    assert "follow followed figure_eight for" in text.out
+    assert "follow: followed figure_eight for" in text.out
     assert "across (cm)" in text.out
     written = folder / "navstack_follow"
     assert (written / "tracking.png").stat().st_size > 10_000

@@ -191,6 +191,12 @@ def test_nothing_is_read_from_memory_afterwards(tmp_path: Path) -> None:
     assert load_configuration(["turtlebot", str(path)]).move_base.controller_frequency == 8.0
 
 
+def test_no_correction_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "turtlebot", str(write(tmp_path, "controller_frequency: 8.0\n")), "--diff"]) == 0
+    shown = capfd.readouterr()
+    assert shown.out == "" and "no key would be corrected" in shown.err
+
+
 def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path, PLANNER)
     assert run(["check", "turtlebot", str(path), "--diff"]) == 0

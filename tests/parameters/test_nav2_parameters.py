@@ -570,7 +570,7 @@ WRONG = [
         "lookahead_dists: 0.5",
         (
             "21:7: warning: FollowPath.lookahead_dists = 0.5 is not declared, so Nav2 jazzy ignores it silently; did you mean "
-            "lookahead_dist?"
+            "FollowPath.lookahead_dist?"
         ),
     ),
     (

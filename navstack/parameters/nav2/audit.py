@@ -481,8 +481,8 @@ class NodeAudit:
             return made("nav2-wrong-level", message, place)
         close = nearest(name[len(prefix) :], [n for n in within if _bounds(n) == _bounds(name)], cutoff=0.75)
         if close is not None:
-            message = f"{name} = {_shown(param.node)} is not declared, {ignored}; did you mean {close}?"
-            return made("nav2-undeclared", message, close)
+            message = f"{name} = {_shown(param.node)} is not declared, {ignored}; did you mean {prefix}{close}?"
+            return made("nav2-undeclared", message, prefix + close)
         owner = f"{block.id} ({block.scope})" if block is not None and block.scope else node.name
         message = f"{name} = {_shown(param.node)} is not declared by {owner}, {ignored}; remove it"
         return made("nav2-undeclared", message)
