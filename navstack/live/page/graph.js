@@ -228,10 +228,13 @@ export class Graph {
     const { theme } = this.app, { context: c, px } = scene, drag = this.app.tools.drag?.kind === 'graph' ? this.app.tools.drag : null;
     const moving = drag && this.mode === 'select' && drag.moved ? this.nodeAt(drag.x, drag.y, drag.touch) : null;
     const at = (id) => (id === moving ? [drag.x2, drag.y2] : this.xy.get(id)), onRoute = new Set(side?.route?.edges ?? []);
-    const half = this.edge === null ? null : this.edge;
+    const half = this.edge === null ? null : this.edge, editing = this.app.tools.tool === 'graph';
+    const thin = Math.min(1.8, Math.max(0.8, this.app.camera.scale / 16)); // a whole map on a phone: the graph does not hide it
+    c.save();
+    c.globalAlpha *= editing ? 1 : 0.6;
     c.beginPath();
     for (const [, a, b] of this.data.edges) if (a < b || !this.pairs.has(`${b} ${a}`)) { c.moveTo(...at(a)); c.lineTo(...at(b)); }
-    Object.assign(c, { strokeStyle: theme.accent, lineWidth: 1.8 * px, lineCap: 'round' });
+    Object.assign(c, { strokeStyle: theme.accent, lineWidth: thin * px, lineCap: 'round' });
     c.stroke();
     for (const [id, a, b, values] of this.data.edges) {
       const p = at(a), q = at(b), oneWay = !this.pairs.has(`${b} ${a}`);
@@ -240,16 +243,17 @@ export class Graph {
       if (oneWay || id === half) this.head(c, p, q, px, id === half ? theme.trajectory : theme.accent);
       if (isClose(this.app.camera) && Object.keys(values).length && (oneWay || a < b)) scene.text(label(values), (p[0] + q[0]) / 2, (p[1] + q[1]) / 2 + 10 * px, theme.muted, 11);
     }
-    const radius = 5 * px;
+    const radius = Math.min(5, editing ? 5 : 2.8 * thin) * px;
     for (const [id] of this.xy) {
       const p = at(id), chosen = id === this.node || id === this.from;
       c.beginPath();
       c.arc(...p, chosen ? 1.6 * radius : radius, 0, 2 * Math.PI);
-      Object.assign(c, { fillStyle: chosen ? theme.trajectory : theme.surface, strokeStyle: theme.accent, lineWidth: 1.8 * px });
+      Object.assign(c, { fillStyle: chosen ? theme.trajectory : theme.surface, strokeStyle: theme.accent, lineWidth: thin * px });
       c.fill();
       c.stroke();
       if (chosen) scene.text(String(id), p[0], p[1] + 18 * px, theme.text, 12);
     }
+    c.restore();
     const pointer = this.app.tools.pointer;
     if (this.mode === 'connect' && drag?.moved) scene.line([...at(this.nodeAt(drag.x, drag.y, drag.touch)), drag.x2, drag.y2], theme.trajectory, 3, [6, 4]);
     else if (this.from !== null && pointer && this.app.tools.tool === 'graph') scene.line([...at(this.from), ...pointer], theme.trajectory, 2, [6, 4]);

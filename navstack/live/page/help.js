@@ -5,7 +5,7 @@ const KEYS = [
   ['Space', 'pause or continue'], ['N', 'one control cycle'], ['Page Up', 'back 5 s'], ['Home', 'start again'],
   ['G', 'goal'], ['R', 'put the robot here'], ['V', 'ask and select'], ['Y', 'can the robot pass?'],
   ['D', 'disc'], ['B', 'box'], ['A', 'wall'], ['P', 'person'], ['Delete', 'remove'], ['E', 'erase walls in the saved map'], ['M', 'measure'], ['C', 'copy x,y,yaw'], ['T', 'drive by hand'], ['S', 'save'],
-  ['F', 'follow the robot'], ['I', 'what the robot sees'], ['X', 'two robots: side by side, overlaid, one above the other'], ['0', 'whole map'], ['+ -', 'zoom'], ['Arrows', 'move the cross (Shift: faster); drive, after T'], ['[ ]', 'turn the heading at the cross'], ['Enter', 'use the tool at the cross'], ['Esc', 'back to asking'],
+  ['F', 'follow the robot'], ['I', 'what the robot sees'], ['X', 'two robots: side by side, overlaid, one above the other'], ['0', 'whole map'], ['+ -', 'zoom'], ['Arrows', 'move the cross (Shift: faster); drive, after T'], ['[ ]', 'turn the heading at the cross'], ['Enter', 'use the tool at the cross'], ['Esc', 'ask and select; clears marks'],
 ];
 
 export function helpText(dialog) {

@@ -144,7 +144,7 @@ export class Panel {
     const last = side.samples.at(-1), clearance = last?.[1];
     const values = [
       ['speed', fixed(side.velocity[0], 2), 'm/s'], ['turning', fixed(side.velocity[2], 2), 'rad/s'], ['clearance', fixed(clearance, 2), 'm'],
-      ['command', fixed(side.command[0], 2), 'm/s'], ['command', fixed(side.command[2], 2), 'rad/s'], ['driven', fixed(side.length, 1), 'm'],
+      ['speed command', fixed(side.command[0], 2), 'm/s'], ['turn command', fixed(side.command[2], 2), 'rad/s'], ['driven', fixed(side.length, 1), 'm'],
       ['x', fixed(side.pose[0], 2), 'm'], ['y', fixed(side.pose[1], 2), 'm'], ['heading', fixed(side.pose[2] * 180 / Math.PI, 0), '°'], ['collisions', String(side.collisions), ''],
     ];
     const steers = side.steering !== undefined;

@@ -253,7 +253,10 @@ export class Scene {
     c.lineTo(size * 1.1 * px, -size * 0.32 * px);
     c.stroke();
     c.restore();
-    if (label) this.text(label, x - Math.cos(yaw) * size * 1.3 * px, y - Math.sin(yaw) * size * 1.3 * px, color);
+    if (!label) return;
+    // behind the marker, with room for half the text (7 px per letter) in that direction
+    const away = (size * 0.42 + 6 + Math.abs(Math.cos(yaw)) * label.length * 3.5 + Math.abs(Math.sin(yaw)) * 7) * px;
+    this.text(label, x - Math.cos(yaw) * away, y - Math.sin(yaw) * away, color);
   }
 
   text(text, x, y, color, size = 12) {

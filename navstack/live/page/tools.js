@@ -37,6 +37,13 @@ export class Tools {
       const [name, label] = item;
       $('tools').append(button(name, label, () => this.choose(name), { id: `tool-${name}`, 'aria-pressed': 'false' }));
     }
+    // on a phone the tools scroll: a faded edge shows that there are more
+    const bar = $('tools'), fade = () => {
+      bar.style.setProperty('--fade-left', bar.scrollLeft > 4 ? '28px' : '0px');
+      bar.style.setProperty('--fade-right', bar.scrollLeft + bar.clientWidth < bar.scrollWidth - 4 ? '28px' : '0px');
+    };
+    bar.addEventListener('scroll', fade);
+    new ResizeObserver(fade).observe(bar);
     this.canvas = $('scene'); // the one that was used last
     for (const scene of app.scenes) this.listen(scene);
     this.choose('why');

@@ -33,7 +33,7 @@ export class Versus {
   get two() { return this.app.store.sides.length > 1; }
 
   /** Pixels at the bottom of a map that the table covers. */
-  get below() { return this.two && this.onStage ? $('versus').offsetHeight + 20 || 130 : 0; }
+  get below() { return this.two && this.onStage ? ($('versus').offsetHeight || 84) + 20 : 0; }
 
   /** The table is in the panel, so that the maps have the stage; on the stage where the panel is closed or below the maps. */
   get onStage() { return narrow() || document.body.classList.contains('no-panel'); }
