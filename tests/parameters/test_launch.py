@@ -298,11 +298,15 @@ def test_find_takes_no_namesake_of_another_package(tmp_path: Path) -> None:
 def test_a_name_in_a_comment_of_a_manifest_names_no_package(tmp_path: Path) -> None:
     local = package(tmp_path / "local")
     config(package(tmp_path / "other"), 1)
-    (tmp_path / "other" / "package.xml").write_text("<package><!-- <name>common</name>\n --><name>other</name></package>")
+    (tmp_path / "other" / "package.xml").write_text(
+        "<package><!-- <name>common</name>\n --><name>other</name></package>"
+    )
     path = launch(local / "launch", NODE.format('<rosparam file="$(find {})/config/costmap.yaml"/>').format("common"))
     [message] = errors(path)
     assert "the package common is not here" in message
-    assert tree(launch(local / "launch", NODE.format('<rosparam file="$(find other)/config/costmap.yaml"/>'))) == {"x": 1}
+    assert tree(launch(local / "launch", NODE.format('<rosparam file="$(find other)/config/costmap.yaml"/>'))) == {
+        "x": 1
+    }
 
 
 def test_a_package_of_that_name_without_the_file_is_an_error(tmp_path: Path) -> None:

@@ -118,7 +118,9 @@ class _Rig:
         monkeypatch.setattr(ros, "rospy", lambda: rospy)
         monkeypatch.setattr(ros, "message", lambda name: _Cancel if name == "actionlib_msgs/GoalID" else _Message)
         self.inbox = Inbox()
-        clock: Any = SimpleNamespace(now=lambda: self.now, ns=lambda time: round(time * 1e9), of=lambda stamp: stamp.time)
+        clock: Any = SimpleNamespace(
+            now=lambda: self.now, ns=lambda time: round(time * 1e9), of=lambda stamp: stamp.time
+        )
         build: Any = SimpleNamespace(time=lambda ns: ns)
         self.action = ActionInterface(clock, build, self.inbox)
         self.server = SimpleActionServer(self._on_status)
