@@ -381,7 +381,17 @@ class Loader:
             self.findings.append(with_consequences(found, consequences[path]))
         unused = unused_parameters(self.root, self.binder, self.overrides, meant, consequences)
         self.findings += [f for f in unused if f.severity != "info" or not f.key.startswith(sections)]
+        wrong = [f.key for f in unused if f.rule == "override"]
+        self.findings = [
+            replace(f, severity="warning") if self._is_idle_override(f) and not _is_above(f.key, wrong) else f
+            for f in self.findings
+        ]
         return configuration
+
+    def _is_idle_override(self, found: Finding) -> bool:
+        """True for a note that an override has no effect: in a file that is usual, but an override is meant to have one now."""
+        is_idle = found.severity == "info" and found.rule in ("not-in-use", "no-effect")
+        return is_idle and found.file in self.overrides
 
     def _described(self) -> list[DescribedLidar]:
         """The lidars that the robot's own files describe."""
@@ -719,3 +729,8 @@ def _error(errors: Sequence[Finding], findings: Sequence[Finding]) -> ParameterE
     unknown = [f for f in errors if f.rule == "unknown-plugin"]
     cls = UnknownPluginError if unknown and len(unknown) == len(errors) else ParameterError
     return cls(f"the parameters cannot be used{count}:\n{lines}", findings=[f.as_dict() for f in findings])
+
+
+def _is_above(name: str, paths: Sequence[str]) -> bool:
+    """True if one of the paths is below a name."""
+    return any(path.startswith(f"{name}/") for path in paths)

@@ -21,6 +21,14 @@ MAX_INTEGER = 10**30
 
 TEXT_METHODS = frozenset({"lower", "upper", "strip", "startswith", "endswith", "split", "replace"})
 
+
+def _rounded(value: float, digits: int = 0) -> float:
+    """`round`, whose time grows with the number of digits."""
+    if abs(digits) > MAX_POWER:
+        raise ValueError(f"round with {digits} digits is not evaluated here")
+    return round(value, digits) if digits else round(value)
+
+
 MATH: dict[str, Any] = {
     **{name: getattr(math, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "floor")},
     **{name: getattr(math, name) for name in ("ceil", "radians", "degrees", "hypot", "exp", "log", "fabs", "fmod")},
@@ -35,7 +43,7 @@ MATH: dict[str, Any] = {
     "abs": abs,
     "min": min,
     "max": max,
-    "round": round,
+    "round": _rounded,
     "bool": bool,
     "True": True,
     "False": False,
@@ -118,7 +126,7 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
         case ast.Compare(left, ops, comparators):
             return _compared(_value(left, names), ops, comparators, names)
         case ast.List(elements) | ast.Tuple(elements):
-            return [_value(element, names) for element in elements]
+            return _bounded([_value(element, names) for element in elements])
         case ast.Subscript(value, ast.Slice(lower, upper, None)):
             low, high = (None if end is None else _value(end, names) for end in (lower, upper))
             return _value(value, names)[low:high]
@@ -134,9 +142,20 @@ def _bounded(value: Any) -> Any:
     """The value; ValueError for one that grows without end."""
     if isinstance(value, int) and abs(value) > MAX_INTEGER:
         raise ValueError("an integer in it is too large")
-    if isinstance(value, (str, list)) and len(value) > MAX_CHARS:
+    if isinstance(value, (str, list)) and _size(value) > MAX_CHARS:
         raise ValueError(f"a text or list in it is longer than {MAX_CHARS:,}")
     return value
+
+
+def _size(value: Any) -> int:
+    """Characters of a text; elements of a list with all that are in it, as often as they are in it."""
+    match value:
+        case str():
+            return len(value)
+        case list():
+            return len(value) + sum(map(_size, value))
+        case _:
+            return 0
 
 
 def _binary(op: ast.operator, left: Any, right: Any) -> Any:
@@ -148,7 +167,7 @@ def _binary(op: ast.operator, left: Any, right: Any) -> Any:
         raise ValueError(f"the exponent {right} is too large for an integer")
     if isinstance(op, ast.Mult):
         for some, other in ((left, right), (right, left)):
-            if isinstance(some, (str, list)) and isinstance(other, int) and len(some) * other > MAX_CHARS:
+            if isinstance(some, (str, list)) and isinstance(other, int) and _size(some) * other > MAX_CHARS:
                 raise ValueError(f"a text or list in it is longer than {MAX_CHARS:,}")
     return _bounded(_OPERATORS[type(op)](left, right))
 
@@ -181,8 +200,6 @@ def _called(function: ast.AST, arguments: list[Any], names: Mapping[str, Any]) -
             text = _value(value, names)
             if not isinstance(text, str):
                 raise ValueError(f"`{ast.unparse(value)[:60]}` is not a text")
-            if method == "replace" and len(arguments) == 2:
-                return text.replace(str(arguments[0]), str(arguments[1])[:MAX_CHARS])[:MAX_CHARS]
-            return getattr(text, method)(*arguments)
+            return _bounded(getattr(text, method)(*arguments))
         case _:
             raise ValueError(f"the function `{ast.unparse(function)[:60]}` is not known here")

@@ -26,6 +26,7 @@ _OF_REPOSITORY = (".git", ".gitignore", ".github", ".travis.yml", "README.md", "
 _OF_WORKSPACE = (".catkin_workspace", ".catkin_tools", ".rosinstall")
 _LEFT_OUT = frozenset({"build", "devel", "install", "node_modules", "__pycache__"})
 _NAME = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _REFERENCE = re.compile(rb"\$\(\s*find\s+([^()\s]+)\s*\)[^\"']*\.(?:ya?ml|launch|xml)")
 _MAX_MANIFEST = 1_000_000
 
@@ -163,7 +164,7 @@ def _name_of(folder: Path) -> str | None:
     manifest = folder / "package.xml"
     try:
         if is_file(manifest):
-            found = _NAME.search(read_bytes(manifest, _MAX_MANIFEST))
+            found = _NAME.search(_COMMENT.sub(b"", read_bytes(manifest, _MAX_MANIFEST)))
             return found[1].decode("utf-8", "replace") if found else None
         return folder.name if is_file(folder / "manifest.xml") else None
     except OSError:

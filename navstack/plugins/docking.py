@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Generic, Protocol, runtime_checkable
 from typing_extensions import TypeVar
 
 from navstack.core import BatteryState, DockDetection, Pose2D, RobotState, SensorData, Transform2D, Twist2D
+from navstack.plugins.guards import check_results, pose_problem, truth_problem
 from navstack.plugins.parameters import ParamModel
 
 P = TypeVar("P", default=Any)
@@ -29,6 +30,14 @@ class DockingRobot(Protocol):
         ...
 
 
+def _detection_problem(value: Any) -> str:
+    return "" if value is None or isinstance(value, DockDetection) else "which is not a DockDetection or None"
+
+
+def _refined_problem(value: Any) -> str:
+    return "" if value is None else pose_problem(value)
+
+
 class DockDetector(ABC, Generic[P]):
     """Finds the marker of a dock in one measurement. It draws no random numbers and reads no clock.
 
@@ -36,6 +45,10 @@ class DockDetector(ABC, Generic[P]):
     """
 
     Params: ClassVar[type[ParamModel]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        check_results(cls, {"detect": _detection_problem})
 
     def __init__(self, params: P) -> None:
         self.params = params
@@ -63,6 +76,12 @@ class DockType(ABC, Generic[P]):
     Params: ClassVar[type[ParamModel]]
     is_charger: ClassVar[bool] = False
     """True if the robot waits for a charging current after it has docked."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        names = ("drives_backward", "rotates_to_dock", "is_docked", "is_charging")
+        poses = {"staging_pose": pose_problem, "refined_pose": _refined_problem}
+        check_results(cls, {**dict.fromkeys(names, truth_problem), **poses})
 
     def __init__(self, name: str, params: P) -> None:
         self.name = name

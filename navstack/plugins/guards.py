@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import sys
 import traceback
-from math import hypot
+from collections.abc import Callable, Mapping
+from functools import wraps
+from math import hypot, isfinite
 from pathlib import Path as FilePath
 from types import TracebackType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from navstack.core import InternalError, NavError, Twist2D
-from navstack.plugins.local_planner import LocalPlanner
+from navstack.core import InternalError, NavError, Pose2D, Transform2D, Twist2D
 from navstack.plugins.rollouts import VelocityLimits
+
+if TYPE_CHECKING:
+    from navstack.plugins.local_planner import LocalPlanner
 
 _LIBRARIES: Final = frozenset(
     {*sys.stdlib_module_names, "numpy", "numba", "scipy", "shapely", "pydantic", "pydantic_core"}
@@ -26,7 +30,7 @@ _GUARDS: Final = frozenset({__name__, "navstack.move_base.plugin_calls"})
 def shown(value: object) -> str:
     """Return the beginning of a value's text for a message, whatever the value is."""
     try:
-        return f"{value!r:.100}"
+        return " ".join(f"{value!r:.100}".split())
     except Exception:
         return f"a {type(value).__name__}"
 
@@ -83,6 +87,58 @@ def _relative(file: str) -> str:
     """Return a file name relative to the longest entry of `sys.path` that contains it."""
     roots = [root for root in sys.path if root and FilePath(file).is_relative_to(root)]
     return FilePath(file).relative_to(max(roots, key=len)).as_posix() if roots else file
+
+
+# --- results of plugins that other plugins and the simulator call -----------------------------------------------------
+
+
+def check_results(cls: type, checks: Mapping[str, Callable[[Any], str]]) -> None:
+    """Let methods and properties that a class defines raise an InternalError instead of returning something wrong.
+
+    A check returns what is wrong with a result, or "". Exceptions become an InternalError, too, which names the plugin; for
+    `__init_subclass__` of a base class, so that no caller can forget it. MoveBase checks the plugins that it calls itself.
+    """
+    for name, check in checks.items():
+        member = cls.__dict__.get(name)
+        if isinstance(member, property) and member.fget is not None:
+            setattr(cls, name, property(_checked(member.fget, name, check), member.fset, member.fdel, member.__doc__))
+        elif callable(member) and not getattr(member, "__isabstractmethod__", False):
+            setattr(cls, name, _checked(member, name, check))
+
+
+def _checked(method: Callable[..., Any], name: str, check: Callable[[Any], str]) -> Callable[..., Any]:
+    @wraps(method)
+    def call(self: Any, *args: Any, **kwargs: Any) -> Any:
+        try:
+            value = method(self, *args, **kwargs)
+            problem = check(value)
+        except NavError:
+            raise
+        except Exception as exc:
+            raise plugin_error(self, exc) from exc
+        if problem:
+            raise broken_contract(self, f"returned {shown(value)} from {name}, {problem}")
+        return value
+
+    return call
+
+
+def truth_problem(value: Any) -> str:
+    """Return what is wrong with a truth value: only True and False are."""
+    return "" if value is True or value is False or isinstance(value, np.bool_) else "which is not True or False"
+
+
+def number_problem(value: Any) -> str:
+    """Return what is wrong with a number, which may be infinite."""
+    numbers = isinstance(value, (float, int, np.floating, np.integer)) and not isinstance(value, bool)
+    return "" if numbers and value == value else "which is not a number"
+
+
+def pose_problem(value: Any) -> str:
+    """Return what is wrong with a pose."""
+    if not isinstance(value, (Pose2D, Transform2D)):
+        return "which is not a pose"
+    return "" if isfinite(value[0] + value[1] + value[2]) else "which is not finite"
 
 
 # --- commands ---------------------------------------------------------------------------------------------------------

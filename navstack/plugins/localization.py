@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import ImuReading, LaserScan, OccupancyGrid, Pose2D, Transform2D, Twist2D
+from navstack.plugins.guards import check_results, number_problem, pose_problem, truth_problem
 from navstack.plugins.parameters import ParamModel
 
 
@@ -41,13 +42,52 @@ class LocalizationStatus(NamedTuple):
     """The same in a sentence, for a log."""
 
 
+def _estimate_problem(value: Any) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, PoseEstimate):
+        return "which is not a PoseEstimate or None"
+    for what, pose in (("pose", value.pose), ("map_to_odom", value.map_to_odom)):
+        if problem := pose_problem(pose):
+            return problem.replace("which", f"whose {what}")
+    covariance: Any = value.covariance
+    if not isinstance(covariance, np.ndarray) or covariance.shape != (3, 3) or covariance.dtype.kind != "f":
+        return "whose covariance is not an array (3, 3)"
+    return number_problem(value.stamp).replace("which", "whose stamp") or (
+        "" if math.isfinite(value.stamp) else "whose stamp is not finite"
+    )
+
+
+def _status_problem(value: Any) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, LocalizationStatus):
+        return "which is not a LocalizationStatus or None"
+    return truth_problem(value.lost).replace("which", "whose lost")
+
+
+def _poses_problem(value: Any) -> str:
+    if not isinstance(value, tuple) or len(value) != 2 or not all(isinstance(array, np.ndarray) for array in value):
+        return "which is not a pair of arrays"
+    poses, weights = value
+    good = poses.ndim == 2 and poses.shape == (len(weights), 3) and weights.ndim == 1
+    good = good and poses.dtype.kind == weights.dtype.kind == "f"
+    return "" if good else "which is not an array (n, 3) of poses and one (n,) of weights"
+
+
 class Localizer(ABC):
     """A localizer takes odometry and scans in the order of their stamps and estimates map -> odom.
 
-    It reads no clock and draws its random numbers from a seed: equal inputs give equal estimates.
+    It reads no clock and draws its random numbers from a seed: equal inputs give equal estimates. One that returns something
+    else than its methods promise, or raises, ends the run with an InternalError that names it.
     """
 
     Params: ClassVar[type[ParamModel]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        estimates = dict.fromkeys(("update", "estimate"), _estimate_problem)
+        check_results(cls, {**estimates, "status": _status_problem, "possible_poses": _poses_problem})
 
     @abstractmethod
     def set_map(self, grid: OccupancyGrid) -> None:

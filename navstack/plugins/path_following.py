@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from typing_extensions import TypeVar
 
 from navstack.core import GridGeometry, Path, Pose2D, Transform2D, Twist2D
+from navstack.plugins.guards import check_results, number_problem, truth_problem
 from navstack.plugins.parameters import ParamModel, param
 
 P = TypeVar("P", default=Any)
@@ -41,9 +42,17 @@ class Approach:
 
 
 class GoalChecker(ABC):
-    """Decides whether the robot is at its goal."""
+    """Decides whether the robot is at its goal.
+
+    A checker that returns something else than True or False, or raises, fails the goal with an InternalError that names it.
+    """
 
     Params: ClassVar[type[ParamModel]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        truths = dict.fromkeys(("at_position", "at_heading", "stopped", "reached"), truth_problem)
+        check_results(cls, {**truths, "xy_tolerance": number_problem, "yaw_tolerance": number_problem})
 
     def reset(self) -> None:  # noqa: B027
         """Prepare for a new goal."""
@@ -118,10 +127,32 @@ class LocalPath:
     """Its last pose is the last one of the plan."""
 
 
+def _local_path_problem(path: Any) -> str:
+    if not isinstance(path, LocalPath):
+        return "which is not a LocalPath"
+    poses: Any = path.poses
+    if not isinstance(poses, np.ndarray) or poses.dtype != np.float64 or poses.ndim != 2 or poses.shape[1] != 3:
+        return "whose poses are not float64 of shape (n, 3)"
+    if len(poses) == 0 or not np.isfinite(poses).all():
+        return "whose poses are none, or not finite"
+    numbers = (path.length, path.remaining_m, path.first, path.end)
+    return next(filter(None, map(number_problem, numbers)), "").replace(
+        "which is", "one of whose lengths or indices is"
+    )
+
+
 class PathHandler(ABC):
-    """Holds the plan and hands out the part of it that is to be followed."""
+    """Holds the plan and hands out the part of it that is to be followed.
+
+    A handler that returns something else than a LocalPath of finite poses, or raises, fails the goal with an InternalError that
+    names it.
+    """
 
     Params: ClassVar[type[ParamModel]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        check_results(cls, {"local_path": _local_path_problem})
 
     @abstractmethod
     def set_plan(self, plan: Path) -> None:

@@ -20,6 +20,8 @@ MOST_KEPT: Final = 5_000
 """Goals and cancels that wait for the node; beyond, the oldest ones are lost, as all beyond `QUEUE` are in roscpp."""
 MOST_STATUSES: Final = 10
 """Changes of a status that are published at once in one turn of the loop; the rest share one message at its end."""
+WARNING_PERIOD_S: Final = 10.0
+"""A flood of goals is one warning in this time (s)."""
 LARGEST: Final = 1e6
 """Parameters of actionlib above are not valid."""
 
@@ -67,6 +69,8 @@ class ActionInterface:
         self._is_posted = False
         self._refused: deque[Any] = deque(maxlen=MOST_KEPT)
         """Goals of a flood that newer ones have replaced before they were looked at; each gets its result."""
+        self._warned = -WARNING_PERIOD_S
+        """Time of the last warning of a flood (s)."""
         self._changes = 0
         """Changes of a status since the last regular call of `publish`."""
         self._list_timeout_s = _positive(rospy, "move_base/status_list_timeout", STATUS_LIST_TIMEOUT_S)
@@ -135,7 +139,9 @@ class ActionInterface:
             except NavError as exc:
                 errors.append(exc)
         self._refused.extend(refused)
-        if refused:
+        now = self._clock.now()
+        if refused and not 0.0 <= now - self._warned < WARNING_PERIOD_S:
+            self._warned = now
             ros.rospy().logwarn(
                 "%d goals at once: the newest %d are looked at, the others are recalled", len(goals), self._most_goals
             )

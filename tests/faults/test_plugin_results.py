@@ -24,15 +24,22 @@ from navstack.core import (
     Window,
 )
 from navstack.costmap import InflationLayer
+from navstack.docking.detectors import PoseTopicDetector
+from navstack.docking.dock_types import SimpleChargingDock, SimpleChargingDockParams
+from navstack.localization import DeadReckoning
 from navstack.move_base import GoalHandle, GoalStatus
 from navstack.parameters import load_configuration
 from navstack.plugins import (
     CommandLimits,
     Critic,
+    GoalChecker,
     Layer,
+    LocalPath,
     LocalPlan,
     ParamModel,
+    PathHandler,
     Plan,
+    PoseEstimate,
     ProgressChecker,
     RecoveryStatus,
     RecoveryStep,
@@ -434,3 +441,107 @@ def test_a_critic_that_breaks_the_rollouts_is_named(act: Callable[[Rollouts], An
     assert (handle.status, handle.result.error_name) == (GoalStatus.ABORTED, "INTERNAL")
     assert "Odd" in handle.result.message
     assert robot.distance_travelled < 0.05
+
+
+# --- what planners and the simulator call: goal checkers, path handlers, localizers, docks ----------------------------
+
+
+def with_method(cls: Any, name: str, value: Any) -> Any:
+    """Return a subclass in which one method (or property) returns a value, or raises it."""
+
+    def answer(*_: Any, **__: Any) -> Any:
+        if isinstance(value, type) and issubclass(value, BaseException):
+            raise value("broke")
+        return value
+
+    is_property = isinstance(getattr(cls, name), property)
+    return type("Odd" + cls.__name__, (cls,), {name: property(answer) if is_property else answer})
+
+
+NO_TRUTHS = [None, "yes", 1, 0.0, [True], np.ones(1), ValueError]
+FLAT = np.column_stack((np.linspace(0.0, 2.0, 9), np.zeros(9), np.zeros(9)))
+NO_LOCAL_PATHS: list[Any] = [
+    None,
+    FLAT,
+    ValueError,
+    *(LocalPath(poses, 2.0, 2.0, 0, 9) for poses in (FLAT * math.nan, FLAT[:0], FLAT.tolist(), FLAT.astype(object))),
+    LocalPath(FLAT, "2", 2.0, 0, 9),  # type: ignore[arg-type]
+]
+PARTS = [
+    *(("_goal_checker", name, value) for name in ("at_position", "at_heading", "stopped") for value in NO_TRUTHS),
+    *(("_path_handler", "local_path", value) for value in NO_LOCAL_PATHS),
+]
+
+
+@pytest.mark.parametrize(("part", "method", "value"), PARTS)
+def test_a_part_of_a_planner_that_returns_something_else_is_named(part: str, method: str, value: Any) -> None:
+    configuration = load_configuration(
+        ["turtlebot_rpp"], overrides=["controller_patience=0.5", "recovery_behavior_enabled=false"]
+    )
+    grid = OccupancyGrid(np.zeros((100, 100), np.int8), GridGeometry(100, 100, 0.05, -2.5, -2.5))
+    robot = simulated_robot(configuration, World(grid), Pose2D(0.0, 0.0, 0.0))
+    move_base = build_move_base(configuration, robot, static_map=grid)
+    target = next(
+        v
+        for v in vars(move_base.local_planner).values()
+        if isinstance(v, (GoalChecker, PathHandler)) and hasattr(v, method)
+    )
+    target.__class__ = with_method(type(target), method, value)
+    handle = move_base.send_goal(Pose2D(0.8, 0.0, 0.0))
+    while not handle.is_done and robot.time < 20.0:
+        robot.advance_to(move_base.next_due(robot.time))
+        move_base.tick(robot.time)
+    assert (handle.status, handle.result.error_name) == (GoalStatus.ABORTED, "INTERNAL")
+    assert type(target).__name__ in handle.result.message
+
+
+def estimate(**changes: Any) -> PoseEstimate:
+    return replace(PoseEstimate(Pose2D(0.0, 0.0), np.eye(3), Transform2D(), 0.0), **changes)
+
+
+NO_ESTIMATES = [
+    "here",
+    True,
+    ValueError,
+    estimate(pose=None),
+    estimate(map_to_odom=Transform2D(math.nan, 0.0, 0.0)),
+    estimate(covariance=np.eye(2)),
+    estimate(stamp=math.nan),
+]
+
+
+@pytest.mark.parametrize("value", NO_ESTIMATES)
+def test_a_localizer_that_returns_something_else_is_named(value: Any) -> None:
+    localizer = with_method(DeadReckoning, "update", value)(DeadReckoning.Params(), seed=0)
+    with pytest.raises(InternalError, match="OddDeadReckoning"):
+        localizer.update(Transform2D(), None, Transform2D())
+
+
+def test_other_results_of_localizers_are_checked() -> None:
+    wrong = [("status", True), ("possible_poses", (np.zeros((3, 3)), np.zeros(2))), ("estimate", Pose2D(0.0, 0.0))]
+    for name, value in wrong:
+        localizer = with_method(DeadReckoning, name, value)(DeadReckoning.Params(), seed=0)
+        with pytest.raises(InternalError, match=f"OddDeadReckoning returned .* from {name}"):
+            found = getattr(localizer, name)
+            found()
+
+
+@pytest.mark.parametrize(
+    ("method", "value"),
+    [
+        ("is_docked", "yes"),
+        ("refined_pose", (1.0, 0.0, 0.0)),
+        ("staging_pose", Pose2D(math.nan, 0.0)),
+        ("is_docked", ValueError),
+    ],
+)
+def test_a_type_of_dock_that_returns_something_else_is_named(method: str, value: Any) -> None:
+    dock = with_method(SimpleChargingDock, method, value)("home", SimpleChargingDockParams())
+    with pytest.raises(InternalError, match=r"home (returned|raised)"):
+        getattr(dock, method)(None)
+
+
+def test_a_detector_of_docks_that_returns_something_else_is_named() -> None:
+    detector = with_method(PoseTopicDetector, "detect", Pose2D(0.0, 0.0))(PoseTopicDetector.Params())
+    with pytest.raises(InternalError, match="OddPoseTopicDetector returned"):
+        detector.detect(None, Pose2D(0.0, 0.0))

@@ -667,6 +667,16 @@ def test_an_override_that_sets_nothing_is_one_error_with_the_names_that_exist(ov
         assert not [f for f in check("turtlebot", overrides=[again]) if f.rule == "override"]
 
 
+@pytest.mark.parametrize(
+    "override", ["TrajectoryPlannerROS/vx_samples=8", "dwa/max_vel_x=2", "NavfnROS/planner_window_x=1.0"]
+)
+def test_an_override_without_an_effect_is_a_warning(override: str) -> None:
+    """In a file it is a note: a section for another planner is usual there."""
+    [found] = [f for f in check("turtlebot", overrides=[override]) if f.file == "overrides[0]"]
+    assert found.severity == "warning" and found.rule in ("not-in-use", "no-effect")
+    assert "has no effect" in found.message
+
+
 def test_overrides_of_other_planners_and_of_former_names_are_no_errors() -> None:
     for override in (
         "TrajectoryPlannerROS/max_vel_x=0.3",

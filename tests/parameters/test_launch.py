@@ -196,6 +196,8 @@ def test_dirname_of_a_launch_file_given_by_a_relative_path(tmp_path: Path, monke
         ("model in ['burger', 'waffle']", True),
         ("'fast' if speed &gt; 1 else 'slow_' + model.upper()", "slow_BURGER"),
         ("round(sin(pi / 2), 3)", 1.0),
+        ("round(2.6) + round(1234, -2)", 1203),
+        ("model.replace('b', 't').split('g')[0]", "tur"),
         ("env('ROBOT_FRAME') + '_' + optenv('NOT_SET_ANYWHERE', 'x')", "base_x"),
     ],
 )
@@ -228,6 +230,10 @@ def test_expressions_are_evaluated(
         "'a' + 1",
         "1e999 // 1 % 0",
         "int('9' * 2000)",
+        "[[[[[[1] * 40] * 40] * 40] * 40] * 40] * 40",
+        "['a' * 1000] * 3",
+        "round(10 ** 30, -10 ** 9)",
+        "('a' * 50).replace('a', 'b' * 50)",
     ],
 )
 def test_expressions_that_are_not_evaluated(tmp_path: Path, expression: str) -> None:
@@ -287,6 +293,20 @@ def test_find_takes_no_namesake_of_another_package(tmp_path: Path) -> None:
     config(package(repository / "common" / "copy", "youbot_common"), 6)
     [message] = errors(path)
     assert "exists twice" in message
+
+
+def test_a_name_in_a_comment_of_a_manifest_names_no_package(tmp_path: Path) -> None:
+    local = package(tmp_path / "local")
+    config(package(tmp_path / "other"), 1)
+    (tmp_path / "other" / "package.xml").write_text(
+        "<package><!-- <name>common</name>\n --><name>other</name></package>"
+    )
+    path = launch(local / "launch", NODE.format('<rosparam file="$(find {})/config/costmap.yaml"/>').format("common"))
+    [message] = errors(path)
+    assert "the package common is not here" in message
+    assert tree(launch(local / "launch", NODE.format('<rosparam file="$(find other)/config/costmap.yaml"/>'))) == {
+        "x": 1
+    }
 
 
 def test_a_package_of_that_name_without_the_file_is_an_error(tmp_path: Path) -> None:

@@ -98,6 +98,7 @@ class _Rig:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.out: dict[str, _Publisher] = {}
         self.log: list[str] = []
+        self.now = 1.0
 
         def publisher(name: str, *_: Any, **__: Any) -> _Publisher:
             return self.out.setdefault(name, _Publisher())
@@ -117,7 +118,9 @@ class _Rig:
         monkeypatch.setattr(ros, "rospy", lambda: rospy)
         monkeypatch.setattr(ros, "message", lambda name: _Cancel if name == "actionlib_msgs/GoalID" else _Message)
         self.inbox = Inbox()
-        clock: Any = SimpleNamespace(now=lambda: 1.0, ns=lambda time: round(time * 1e9), of=lambda stamp: stamp.time)
+        clock: Any = SimpleNamespace(
+            now=lambda: self.now, ns=lambda time: round(time * 1e9), of=lambda stamp: stamp.time
+        )
         build: Any = SimpleNamespace(time=lambda ns: ns)
         self.action = ActionInterface(clock, build, self.inbox)
         self.server = SimpleActionServer(self._on_status)
@@ -195,6 +198,16 @@ def test_a_flood_of_goals(monkeypatch: pytest.MonkeyPatch) -> None:
     listed = sum(len(message.status_list) for message in rig.out["move_base/status"].messages)
     assert listed < 30 * action.QUEUE
     assert rig.log == [f"{count} goals at once: the newest {action.QUEUE} are looked at, the others are recalled"]
+    for _ in range(3):  # a flood that goes on is not a warning per cycle
+        for number in range(2 * action.QUEUE):
+            rig.goal(f"later_{number}")
+        rig.inbox.run(0.0, _fail)
+    assert len(rig.log) == 1
+    rig.now = 1.0 + action.WARNING_PERIOD_S
+    for number in range(2 * action.QUEUE):
+        rig.goal(f"last_{number}")
+    rig.inbox.run(0.0, _fail)
+    assert len(rig.log) == 2
 
 
 def test_the_status_list_is_bounded() -> None:
