@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, footprint_cost, overlaps_obstacle
 from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import ObstacleCritic
-from navstack.local_planner.critics.obstacle import ObstacleParams
+from navstack.local_planner.critics.obstacle import HEADINGS, PARTS, ObstacleParams, footprint_rows
 from navstack.plugins import Rollouts, ScoringContext
 
 FOOTPRINTS = [
@@ -69,3 +71,34 @@ def point_cost(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> int:
     if center is None or edges is None:
         return 256
     return 254 if overlaps_obstacle(costmap, footprint, pose) else max(edges, center) if edges < 254 else edges
+
+
+@pytest.mark.slow
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    resolution=st.sampled_from([0.02, 0.05, 0.11]),
+    footprint=st.sampled_from(FOOTPRINTS),
+)
+@settings(deadline=None, max_examples=50)
+def test_rows_of_a_heading_contain_every_cell_that_a_footprint_touches(
+    seed: int, resolution: float, footprint: Footprint
+) -> None:
+    """With lethal cells everywhere but in the windows of its pose, it touches none."""
+    rng = np.random.default_rng(seed)
+    n = 120
+    rows = np.empty((HEADINGS * PARTS**2, 2 * (2 * math.ceil(footprint.circumscribed_radius / resolution) + 1)), np.int32)
+    footprint_rows(footprint.vertices / resolution, footprint.circumscribed_radius / resolution, n, n, rows)
+    x, y, yaw = (*rng.uniform(58.0, 62.0, 2), rng.uniform(-9.0, 9.0))
+    pose = Pose2D(x * resolution, y * resolution, yaw)
+    ix, iy = int(x), int(y)
+    part = int((y - iy) * PARTS) * PARTS + int((x - ix) * PARTS)
+    windows = rows[math.floor(yaw * HEADINGS / (2.0 * math.pi)) % HEADINGS * PARTS**2 + part].tolist()
+    covered = np.zeros((n, n), np.bool_)
+    for offset in windows:
+        level, first = divmod(offset + iy * n + ix, n * n)
+        covered.reshape(-1)[first : first + (1 << level)] = True
+    g = GridGeometry(n, n, resolution)
+    costs = np.zeros((n, n), np.uint8)
+    costs[~covered] = 254
+    assert footprint_cost(Costmap(g, costs, "odom"), footprint, pose, interior=False) == 0
+    assert not overlaps_obstacle(Costmap(g, costs, "odom"), footprint, pose)
