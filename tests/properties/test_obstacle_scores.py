@@ -86,7 +86,9 @@ def test_rows_of_a_heading_contain_every_cell_that_a_footprint_touches(
     """With lethal cells everywhere but in the windows of its pose, it touches none."""
     rng = np.random.default_rng(seed)
     n = 120
-    rows = np.empty((HEADINGS * PARTS**2, 2 * (2 * math.ceil(footprint.circumscribed_radius / resolution) + 1)), np.int32)
+    rows = np.empty(
+        (HEADINGS * PARTS**2, 2 * (2 * math.ceil(footprint.circumscribed_radius / resolution) + 1)), np.int32
+    )
     footprint_rows(footprint.vertices / resolution, footprint.circumscribed_radius / resolution, n, n, rows)
     x, y, yaw = (*rng.uniform(58.0, 62.0, 2), rng.uniform(-9.0, 9.0))
     pose = Pose2D(x * resolution, y * resolution, yaw)

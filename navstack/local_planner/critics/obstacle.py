@@ -81,7 +81,8 @@ class ObstacleCritic(Critic[ObstacleParams]):
         self._context: ScoringContext | None = None
         self._rollouts: Rollouts | None = None
         self._settings = np.empty(1, OBSTACLE_SETTINGS)
-        self._settings_for: tuple[Footprint | None, tuple[Any, ...]] = None, ()
+        self._settings_for: tuple[Footprint | None, float] = None, 0.0
+        self._rows_for: tuple[Any, ...] = ()
         self._bounds = np.empty((BOUND_GRIDS, 0, 0), np.uint8)
         self._rows = np.empty((HEADINGS * PARTS**2, 0), np.int32)
         self._scratch = np.empty((5, 0))
@@ -114,10 +115,15 @@ class ObstacleCritic(Critic[ObstacleParams]):
         if len(self._out) != k:
             self._out, self.first_collision = np.empty(k), np.empty(k, np.int64)
         costs, footprint = context.costmap.data, context.footprint
-        key = costs.shape, context.costmap.geometry.resolution, context.limits.max_vel_trans
-        if self._settings_for[0] is not footprint or self._settings_for[1] != key:
-            self._set(footprint, *key)
-            self._settings_for = footprint, key
+        max_speed = context.limits.max_vel_trans
+        if self._settings_for[0] is not footprint or self._settings_for[1] != max_speed:
+            p = self.params
+            radius = footprint.circumscribed_radius
+            self._settings[0] = (radius, p.scaling_speed, max_speed, p.max_scaling_factor, p.sum_scores)
+            self._settings_for = footprint, max_speed
+            self._scratch = np.empty((5, len(footprint.vertices)))
+        if self._rows_for != (footprint, costs.shape, context.costmap.geometry.resolution):
+            self._write_rows(footprint, costs.shape, context.costmap.geometry.resolution)
         cells = shared_cells(context, rollouts)
         obstacle_scores(
             costs,
@@ -138,18 +144,18 @@ class ObstacleCritic(Critic[ObstacleParams]):
         )
         return self._out
 
-    def _set(self, footprint: Footprint, shape: tuple[int, int], resolution: float, max_speed: float) -> None:
-        """Compute what depends on the footprint and the shape of the costmap."""
-        p, radius = self.params, footprint.circumscribed_radius
-        self._settings[0] = (radius, p.scaling_speed, max_speed, p.max_scaling_factor, p.sum_scores)
-        self._scratch = np.empty((5, len(footprint.vertices)))
-        reach = radius / resolution + REACH_MARGIN
-        # a footprint that is nearly round touches the same cells with every heading
-        columns = 0 if footprint.inscribed_radius > ROUND * radius else 2 * math.ceil(reach) + 1
+    def _write_rows(self, footprint: Footprint, shape: tuple[int, int], resolution: float) -> None:
+        """Compute which cells of a grid of this shape and resolution the footprint can touch."""
+        self._rows_for = footprint, shape, resolution
+        reach = footprint.circumscribed_radius / resolution + REACH_MARGIN
+        columns = 2 * math.ceil(reach) + 1
+        # a footprint that is nearly round touches the same cells with every heading; a larger one has no place in the grid
+        if footprint.inscribed_radius > ROUND * footprint.circumscribed_radius or columns > min(shape):
+            columns = 0
         self._rows = np.empty((HEADINGS * PARTS**2, 2 * columns), np.int32)
+        self._bounds = np.empty((BOUND_GRIDS + columns.bit_length(), *shape), np.uint8)
         if columns:
             footprint_rows(footprint.vertices / resolution, reach, *shape, self._rows)
-        self._bounds = np.empty((BOUND_GRIDS + columns.bit_length(), *shape), np.uint8)
 
     def set_result(
         self, context: ScoringContext, rollouts: Rollouts, scale: float, first_collision: NDArray[np.int64]
@@ -316,7 +322,6 @@ def footprint_rows(vertices, reach, ny, nx, out):
     flat indices in the grids of `write_windows` (.., ny, nx). They contain all that `edge_cost` and `overlaps_cell` look at.
     """
     radius, number = math.ceil(reach), len(vertices)
-    half = math.pi / HEADINGS
     for k in range(len(out)):
         sector, part_y, part_x = k // PARTS**2, k // PARTS % PARTS, k % PARTS
         row = out[k]
