@@ -15,7 +15,8 @@ def test_takes_over_the_bytes_that_differ_and_queues_the_cells_that_got_cheaper(
     ny, nx = shape
     size = ny * nx
     rng = np.random.default_rng(size)
-    steps = np.where(np.arange(256) > 250, np.inf, np.arange(256)).astype(np.float32)
+    steps = np.arange(256, dtype=np.float32)[::-1].copy()
+    weights = np.where(np.arange(256) > 200, np.inf, steps).astype(np.float32)
     for changes in (0, 1, size // 3, size):
         before = rng.integers(0, 256, size).astype(np.uint8)
         after = before.copy()
@@ -27,7 +28,9 @@ def test_takes_over_the_bytes_that_differ_and_queues_the_cells_that_got_cheaper(
         lowest = float(HIGH)
         for k in np.flatnonzero(before != after).tolist():
             iy, ix = divmod(k, nx)
-            if not (0 < ix < nx - 1 and 0 < iy < ny - 1) or pending[k] or steps[after[k]] >= steps[before[k]]:
+            if not (0 < ix < nx - 1 and 0 < iy < ny - 1) or pending[k]:
+                continue
+            if after[k] > 200 or (before[k] <= 200 and steps[after[k]] >= steps[before[k]]):
                 continue
             near = float(min(pot[k - 1], pot[k + 1], pot[k - nx], pot[k + nx]))
             if near < HIGH:
@@ -35,13 +38,13 @@ def test_takes_over_the_bytes_that_differ_and_queues_the_cells_that_got_cheaper(
                 lowest = min(lowest, near)
         differ = int(np.count_nonzero(before != after))
         old, queue, marked = before.copy(), np.empty(size, np.uint32), pending.copy()
-        found = apply_changes(old, after, steps, pot, marked, nx, size, queue)
+        found = apply_changes(old, after, steps, weights, pot, marked, nx, size, queue)
         assert found == (differ, len(expected), pytest.approx(lowest, rel=1e-6))
         assert queue[: len(expected)].tolist() == expected
         assert np.array_equal(old, after)
         assert np.flatnonzero(marked != pending).tolist() == expected
         if differ > 1:
-            assert apply_changes(before, after, steps, pot, pending, nx, differ - 1, queue)[0] == -1
+            assert apply_changes(before, after, steps, weights, pot, pending, nx, differ - 1, queue)[0] == -1
 
 
 def plain(points: NDArray[np.float32], nx: int) -> list[list[float]]:

@@ -84,9 +84,7 @@ class GoalPotential:
             found = run.run(Guide(self._wave.pot, 0, limit))
             if found < math.inf:
                 was_good = factor == _FACTORS[0] and run.wave.expanded <= max(WORTHWHILE_CELLS, self._effort // 2)
-                sufficient = found + min(
-                    _MARGIN_FACTOR * (found - estimate), _MARGIN_STEPS * _largest_step(query.costs)
-                )
+                sufficient = found + min(_MARGIN_FACTOR * (found - estimate), _MARGIN_STEPS * query.costs.largest)
                 if limit < sufficient:
                     run.run(Guide(self._wave.pot, 0, sufficient, order_independent=True))
                 self._misleading = 0 if was_good else self._misleading + 1
@@ -123,11 +121,6 @@ class GoalPotential:
         if estimate < math.inf:
             wave.run(last=estimate + _GOAL_EXTENT_RISES * rise)
         return estimate
-
-
-def _largest_step(costs: WaveCosts) -> float:
-    """Return the potential that it takes to enter the most expensive free cell."""
-    return float(costs.steps[~costs.blocked].max(initial=0.0))
 
 
 def _slack(estimate: float, rise: float) -> float:

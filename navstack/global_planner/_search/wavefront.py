@@ -395,12 +395,12 @@ _NO_GUIDE: Final = np.empty(0, np.float32)
 
 
 @kernel
-def apply_changes(old, new, steps, pot, pending, nx, most, queue):
+def apply_changes(old, new, steps, weights, pot, pending, nx, most, queue):
     """Write the bytes of `new` (n,) into `old` (n,), and the free cells that got cheaper next to reached ones to `queue`.
 
-    `steps` (256,): cost of entering a cell, by its byte, inf where blocked. Cells that are `pending` are left to the wave that
-    queued them; the others become pending. Returns how many bytes differ, -1 for more than `most`; how many cells are in
-    `queue` (`most`,); and the lowest potential next to one of them.
+    `steps` and `weights`: see `propagate`. Cells that are `pending` are left to the wave that queued them; the others become
+    pending. Returns how many bytes differ, -1 for more than `most`; how many cells are in `queue` (`most`,); and the lowest
+    potential next to one of them.
     """
     size = len(old)
     words = size // 8
@@ -426,7 +426,8 @@ def apply_changes(old, new, steps, pot, pending, nx, most, queue):
             old[k] = after
             x = k % nx
             inner = x > 0 and x < nx - 1 and k >= nx and k < size - nx
-            if not inner or pending[k] or not steps[after] < steps[before]:
+            cheaper = weights[after] < INF and (weights[before] == INF or steps[after] < steps[before])
+            if not inner or pending[k] or not cheaper:
                 continue
             near = min(min(pot[k - 1], pot[k + 1]), min(pot[k - nx], pot[k + nx]))
             if near < HIGH:
@@ -671,9 +672,10 @@ class Wavefront:
         The current wave is suspended and resumed. The costmap of `begin` is changed.
         """
         costs, threshold_field = self.costs, self._fields["threshold"]
-        steps = np.where(costs.blocked, INF, costs.steps)
         cells = np.empty(most, np.uint32)
-        changed, count, lowest = apply_changes(self._cost, data, steps, self._pot, self._pending, self.nx, most, cells)
+        changed, count, lowest = apply_changes(
+            self._cost, data, costs.steps, costs.weights, self._pot, self._pending, self.nx, most, cells
+        )
         if count > 0 and changed >= 0:
             suspended, threshold = self._queued(), float(threshold_field[0])
             self._queue(cells[:count])
