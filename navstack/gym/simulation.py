@@ -737,7 +737,7 @@ class Simulation:
         self._threads = max(1, min(threads, number))
         self._pool: ThreadPoolExecutor | None = None
         if self._threads > 1:
-            self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="navstack-gym")
+            self._pool = ThreadPoolExecutor(self._threads - 1, thread_name_prefix="navstack-gym")
         self._load(actions)
 
     def _load(self, actions: int) -> None:
@@ -754,13 +754,18 @@ class Simulation:
         if pool is None:
             self._advance(self.todo, actions, *self._fixed, 0, self.number)
             return
-        # several parts per thread: resets and narrow places take longer
+        # several parts per thread, which takes the next one when it is done: resets and narrow places take longer
         bounds = np.linspace(0, self.number, 4 * self._threads + 1).astype(int).tolist()
-        parts = [
-            pool.submit(self._advance, self.todo, actions, *self._fixed, a, b) for a, b in pairwise(bounds) if a < b
-        ]
-        for part in parts:
-            part.result()
+        parts = iter([(a, b) for a, b in pairwise(bounds) if a < b])
+
+        def work() -> None:
+            for begin, end in parts:
+                self._advance(self.todo, actions, *self._fixed, begin, end)
+
+        others = [pool.submit(work) for _ in range(self._threads - 1)]
+        work()
+        for other in others:
+            other.result()
 
     def close(self) -> None:
         """End the threads."""

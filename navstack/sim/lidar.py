@@ -223,8 +223,9 @@ def see_discs(ranges, beams, discs, tops, eye, scan, reach, windows, seen):
             for i in range(max(0, math.ceil(first)), min(n - 1, math.floor(last)) + 1):
                 b = cx * beams[i, 0] + cy * beams[i, 1]
                 h = r * r - (d2 - b * b)
-                if h >= 0.0 and b > 0.0:
-                    ranges[i] = min(ranges[i], b - math.sqrt(h))
+                is_hit = (h >= 0.0) & (b > 0.0)  # without a branch, which nothing could predict at the edges of a disc
+                hit = b - math.sqrt(h if is_hit else 0.0)
+                ranges[i] = hit if is_hit & (hit < ranges[i]) else ranges[i]
             first, last = first + turn, last + turn
 
 

@@ -71,6 +71,8 @@ class WaveCosts(CostInterpreter):
     """(256,) `steps` over sqrt 2, the gain below which a neighbor is not queued; inf where blocked."""
     quadratic: bool
     """Whether the potential is that of a plane wave over two neighbors."""
+    largest: float
+    """The largest of the steps into cells that are not blocked; 0 if all are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +93,7 @@ def wave_costs(
     weights[blocked] = np.inf
     for array in (steps, weights, blocked):
         array.setflags(write=False)
-    return WaveCosts(blocked, allow_unknown, steps, weights, quadratic)
+    return WaveCosts(blocked, allow_unknown, steps, weights, quadratic, float(steps[~blocked].max(initial=0.0)))
 
 
 @cache

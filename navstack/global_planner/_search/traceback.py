@@ -320,7 +320,9 @@ class Traceback(ABC):
         cells = self.cells(wave, query, goal, cell)
         if not keep_loops:
             cells = without_loops(cells, g.nx)
-        return (cells[::-1].astype(np.float64) + self._offset) * g.resolution + (g.origin_x, g.origin_y)
+        points = np.empty((len(cells), 2))
+        reversed_points(cells, self._offset, g.resolution, g.origin_x, g.origin_y, points)
+        return points
 
 
 def navfn_path(wave: Wavefront, cell: Cell, *, root: Cell) -> NDArray[np.float32]:
@@ -418,17 +420,28 @@ def without_loops(points: NDArray[np.float32], nx: int) -> NDArray[np.float32]:
     of the loop are removed and the path continues straight, within that cell. Most paths have no loop and are returned
     unchanged.
     """
-    numbers = np.rint(points).astype(np.int64) @ np.array([1, nx])
-    if len(numbers) < 3:
+    if len(points) < 3:
         return points
-    kept = np.ones(len(numbers), np.bool_)
-    return points[kept] if remove_loops(numbers, kept) else points
+    kept = np.ones(len(points), np.bool_)
+    return points[kept] if remove_loops(points, nx, kept) else points
 
 
 @kernel
-def remove_loops(numbers, kept):
-    """Set `kept` (n,) to False in the loops of a path through the cells `numbers` (n,); return whether there are any."""
-    n = len(numbers)
+def reversed_points(cells, offset, resolution, origin_x, origin_y, out):
+    """Write the positions (m) of points (n, 2) in cells to `out` (n, 2), the last one first."""
+    for i in range(len(cells)):
+        at = len(cells) - 1 - i
+        out[i, 0] = (np.float64(cells[at, 0]) + offset) * resolution + origin_x
+        out[i, 1] = (np.float64(cells[at, 1]) + offset) * resolution + origin_y
+
+
+@kernel
+def remove_loops(points, nx, kept):
+    """Set `kept` (n,) to False in the loops of a path (n, 2), in cells; return whether there are any."""
+    n = len(points)
+    numbers = np.empty(n, np.int64)
+    for i in range(n):
+        numbers[i] = np.int64(np.rint(points[i, 0])) + np.int64(np.rint(points[i, 1])) * nx
     size = 4
     while size < 2 * n:
         size *= 2

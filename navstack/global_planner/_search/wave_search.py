@@ -84,9 +84,7 @@ class GoalPotential:
             found = run.run(Guide(self._wave.pot, 0, limit))
             if found < math.inf:
                 was_good = factor == _FACTORS[0] and run.wave.expanded <= max(WORTHWHILE_CELLS, self._effort // 2)
-                sufficient = found + min(
-                    _MARGIN_FACTOR * (found - estimate), _MARGIN_STEPS * _largest_step(query.costs)
-                )
+                sufficient = found + min(_MARGIN_FACTOR * (found - estimate), _MARGIN_STEPS * query.costs.largest)
                 if limit < sufficient:
                     run.run(Guide(self._wave.pot, 0, sufficient, order_independent=True))
                 self._misleading = 0 if was_good else self._misleading + 1
@@ -109,7 +107,8 @@ class GoalPotential:
         """Update the potential as far as the start and a margin beyond; return the potential there, inf if unreached."""
         wave, start = self._wave, query.start_cell
         if self._is_built:
-            self._is_built = self._update(query.grid.data, query.costs, rise)
+            data = np.ascontiguousarray(query.grid.data).reshape(-1)
+            self._is_built = wave.revise(data, most=int(_MAX_CHANGES * data.size), rise=rise)
         if not self._is_built:
             self._costmap = query.grid.copy()
             wave.begin_at(
@@ -122,28 +121,6 @@ class GoalPotential:
         if estimate < math.inf:
             wave.run(last=estimate + _GOAL_EXTENT_RISES * rise)
         return estimate
-
-    def _update(self, data: NDArray[np.uint8], costs: WaveCosts, rise: float) -> bool:
-        """Apply the changes of the costmap; return False if so much changed that rebuilding is faster."""
-        assert self._costmap is not None
-        old, new = self._costmap.data.reshape(-1), data.reshape(-1)
-        changed = np.empty(int(_MAX_CHANGES * old.size) + 1, np.int64)
-        count = kernels.differing(old, new, changed)
-        if count == 0:
-            return True
-        if count > _MAX_CHANGES * old.size:
-            return False
-        changed = changed[:count]
-        before, after = old[changed], new[changed]
-        old[changed] = after
-        steps = np.where(costs.blocked, np.float32(np.inf), costs.steps)
-        self._wave.revise(changed, cheaper=steps[after] < steps[before], rise=rise)
-        return True
-
-
-def _largest_step(costs: WaveCosts) -> float:
-    """Return the potential that it takes to enter the most expensive free cell."""
-    return float(costs.steps[~costs.blocked].max(initial=0.0))
 
 
 def _slack(estimate: float, rise: float) -> float:

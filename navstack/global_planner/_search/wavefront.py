@@ -48,6 +48,7 @@ STATE = np.dtype(
         ("nx", np.int64),
         ("ny", np.int64),
         ("window", np.int64, 4),  # the open window x0, y0, x1, y1, half open
+        ("lists", np.int64, 3),  # the rows of the lists: current, next, overflow
         ("n_current", np.int64),  # lengths of the lists
         ("n_overflow", np.int64),
         ("expanded", np.int64),  # how often a potential was lowered
@@ -139,17 +140,6 @@ def _grow_at(pot, pending, state, k):
 
 
 @kernel
-def _with_capacity(cells, count, capacity):
-    """`cells`, or a copy of its first `count` entries in a larger array if it has less than `capacity` entries."""
-    if cells.size >= capacity:
-        return cells
-    larger = np.empty(2 * capacity, np.uint32)
-    for i in range(count):  # a slice would add a second of compile time
-        larger[i] = cells[i]
-    return larger
-
-
-@kernel
 def seed(cost, pot, pending, weights, state, current, cells, values, fronts):
     """Set the potential of `cells` to `values` and queue the free cells of `fronts`, in order. All are in the open window."""
     for i in range(cells.size):
@@ -222,9 +212,12 @@ def _neighbor_table(nx):
 
 
 @kernel
-def propagate(cost, pot, pending, steps, weights, current, following, overflow, flags, guide, state):
-    """Run the wavefront; a later call resumes where it stopped.
+def propagate(cost, pot, pending, steps, weights, lists, flags, guide, state):
+    """Run the wavefront, and return True; False if a row of `lists` is too short: call it again with longer ones.
 
+    A later call resumes where it stopped.
+
+    `lists` (3, n) uint32; `flags` (n,) uint8: scratch.
     `cost` (ny*nx,) uint8; `steps` (256,) float32: cost of entering a cell, by its byte; `weights` (256,) float32: `steps`
     over sqrt(2), the gain below which a neighbor is not queued, inf where blocked; `state` (1,): see STATE. It ends when
     the lists are empty, when the threshold exceeds `last`, after the list in which `max_expanded` potentials have been
@@ -236,8 +229,6 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
 
     With `aim_cost` above 0, the straight distance to the cell (aim_x, aim_y) in cells times `aim_cost` is added to a potential
     before it decides which neighbors are queued, and in which list: A* of Nav2's navfn.
-
-    Returns the three lists and `flags` (uint8), replaced by larger arrays where they had to grow.
     """
     s = state[0]
     nx = s.nx
@@ -267,11 +258,15 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
         per_step[b] = 1.0 / np.float64(steps[b])
         planes[b] = steps[b] if s.quadratic else 0.0
     offsets, counts = _neighbor_table(nx)
+    capacity = np.uint64(len(flags))
+    at_current, at_following, at_overflow = s.lists[0], s.lists[1], s.lists[2]
+    current, following, overflow = lists[at_current], lists[at_following], lists[at_overflow]
+    complete = True
     while n_current > 0 and threshold <= last and expanded < max_expanded:
         length = np.uint64(n_current)
-        following = _with_capacity(following, 0, 4 * n_current + 4)
-        if flags.size < n_current:
-            flags = np.empty(2 * n_current, np.uint8)
+        if n_overflow + np.uint64(4) * length + np.uint64(4) > capacity:
+            complete = False
+            break
         first = zero
         while first < length:
             outside = length
@@ -328,7 +323,6 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
             following[collected + three] = n3
             collected += np.uint64(counts[flag])
         expanded += np.int64(lowered)
-        overflow = _with_capacity(overflow, n_overflow, np.int64(n_overflow + collected) + 1)
         n_following = zero
         for i in range(collected):
             entry = following[i]
@@ -342,19 +336,22 @@ def propagate(cost, pot, pending, steps, weights, current, following, overflow, 
                 following[n_following] = k
                 n_following += new
         current, following = following, current
+        at_current, at_following = at_following, at_current
         n_current = np.int64(n_following)
         if n_current == 0:
             threshold += rise
             current, overflow = overflow, current
+            at_current, at_overflow = at_overflow, at_current
             n_current = np.int64(n_overflow)
             n_overflow = zero
         if stop >= 0 and pot[stop] < HIGH:
             break
+    s.lists[0], s.lists[1], s.lists[2] = at_current, at_following, at_overflow
     s.n_current = n_current
     s.n_overflow = np.int64(n_overflow)
     s.expanded = expanded
     s.threshold = threshold
-    return current, following, overflow, flags
+    return complete
 
 
 @kernel
@@ -398,28 +395,47 @@ _NO_GUIDE: Final = np.empty(0, np.float32)
 
 
 @kernel
-def differing(a, b, found):
-    """Write the indices where two arrays (n,) of bytes differ to `found` (m,); return their number, m at most.
+def apply_changes(old, new, steps, weights, pot, pending, nx, most, queue):
+    """Write the bytes of `new` (n,) into `old` (n,), and the free cells that got cheaper next to reached ones to `queue`.
 
-    Eight bytes at a time: a costmap changes in few places between two plans.
+    `steps` and `weights`: see `propagate`. Cells that are `pending` are left to the wave that queued them; the others become
+    pending. Returns how many bytes differ, -1 for more than `most`; how many cells are in `queue` (`most`,); and the lowest
+    potential next to one of them.
     """
-    words = len(a) // 8
-    first, second = a[: 8 * words].view(np.uint64), b[: 8 * words].view(np.uint64)
-    count = 0
-    for k in range(words):
-        if first[k] == second[k]:
-            continue
-        for i in range(8 * k, 8 * k + 8):
-            if a[i] != b[i]:
-                if count == len(found):
-                    return count
-                found[count] = i
-                count += 1
-    for i in range(8 * words, len(a)):
-        if a[i] != b[i] and count < len(found):
-            found[count] = i
+    size = len(old)
+    words = size // 8
+    first, second = old[: 8 * words].view(np.uint64), new[: 8 * words].view(np.uint64)
+    count, queued, lowest = 0, 0, HIGH
+    # a costmap changes in few places between two plans: blocks of 32 words are compared without a branch
+    for begin in range(0, size, 256):
+        end = min(begin + 256, size)
+        if end - begin == 256:
+            difference = np.uint64(0)
+            base = np.uint64(begin // 8)
+            for i in range(np.uint64(32)):
+                difference |= first[base + i] ^ second[base + i]
+            if difference == 0:
+                continue
+        for k in range(begin, end):
+            before, after = old[k], new[k]
+            if before == after:
+                continue
             count += 1
-    return count
+            if count > most:
+                return -1, queued, lowest
+            old[k] = after
+            x = k % nx
+            inner = x > 0 and x < nx - 1 and k >= nx and k < size - nx
+            cheaper = weights[after] < INF and (weights[before] == INF or steps[after] < steps[before])
+            if not inner or pending[k] or not cheaper:
+                continue
+            near = min(min(pot[k - 1], pot[k + 1]), min(pot[k - nx], pot[k + nx]))
+            if near < HIGH:
+                pending[k] = PENDING
+                queue[queued] = k
+                queued += 1
+                lowest = min(lowest, near)
+    return count, queued, lowest
 
 
 class Guide(NamedTuple):
@@ -446,7 +462,7 @@ class Wavefront:
         self.ny = 0
         self._pot = np.empty(0, np.float32)
         self._pending = np.empty(0, np.uint8)
-        self._lists = [np.empty(_INITIAL_CAPACITY, np.uint32) for _ in range(3)]
+        self._lists = np.empty((3, _INITIAL_CAPACITY), np.uint32)
         self._flags = np.empty(_INITIAL_CAPACITY, np.uint8)
         self._state = np.zeros(1, STATE)
         # views of single fields: access to a field of a record takes longer
@@ -516,6 +532,7 @@ class Wavefront:
             nx,
             ny,
             (0, 0, 0, 0),
+            (0, 1, 2),
             0,
             0,
             0,
@@ -608,19 +625,16 @@ class Wavefront:
         if guide is not None:
             f["limit"][0] = guide.limit
             f["guide_shift"][0] = guide.shift
-        *self._lists, self._flags = propagate(
-            self._cost,
-            self._pot,
-            self._pending,
-            costs.steps,
-            costs.weights,
-            self._lists[0],
-            self._lists[1],
-            self._lists[2],
-            self._flags,
-            _NO_GUIDE if guide is None else guide.values,
-            self._state,
-        )
+        values = _NO_GUIDE if guide is None else guide.values
+        fixed = self._cost, self._pot, self._pending, costs.steps, costs.weights
+        while not propagate(*fixed, self._lists, self._flags, values, self._state):
+            self._reserve(2 * self._flags.size)
+
+    def _reserve(self, capacity: int) -> None:
+        """Make room for lists of `capacity` cells, and keep what is queued."""
+        lists = np.empty((3, capacity), np.uint32)
+        lists[:, : self._flags.size] = self._lists
+        self._lists, self._flags = lists, np.empty(capacity, np.uint8)
 
     def run_to(self, target: Cell, *, guide: Guide | None = None) -> None:
         """Propagate until `target` has a potential, if it has none yet."""
@@ -651,39 +665,34 @@ class Wavefront:
             # queued cells were queued by cells whose potential is at least the previous threshold
             self.run(last=reached + float(self._fields["rise"][0]), guide=guide)
 
-    def revise(self, changed: NDArray[np.int64], *, cheaper: NDArray[np.bool_], rise: float) -> None:
-        """Update the potential after the costs of the cells `changed` were modified, where they became cheaper.
+    def revise(self, data: NDArray[np.uint8], *, most: int, rise: float) -> bool:
+        """Take over the costs `data` (ny*nx,) and lower the potential where they became cheaper; False if over `most` changed.
 
         Cells that became more expensive keep their potential, which is then a lower bound; the method is for guides only.
-        The current wave is suspended and resumed.
+        The current wave is suspended and resumed. The costmap of `begin` is changed.
         """
-        nx, ny = self.nx, self.ny
-        inner = (changed % nx > 0) & (changed % nx < nx - 1) & (changed >= nx) & (changed < (ny - 1) * nx)
-        # cells that are pending are updated by the current wave
-        cells = changed[inner & cheaper & (self._pending[changed] == 0)]
-        if cells.size == 0:
-            return
-        lowest = self._pot[np.stack([cells - 1, cells + 1, cells - nx, cells + nx])].min(axis=0)
-        cells = cells[lowest < UNREACHED]
-        if cells.size == 0:
-            return
-        threshold_field = self._fields["threshold"]
-        suspended, threshold = self._queued(), float(threshold_field[0])
-        self._pending[cells] = PENDING
-        self._queue(cells.astype(np.uint32))
-        threshold_field[0] = min(threshold, float(lowest.min()) + rise)
-        self.run(last=threshold)
-        self._queue(np.concatenate([suspended, self._queued()]))
-        threshold_field[0] = threshold
+        costs, threshold_field = self.costs, self._fields["threshold"]
+        cells = np.empty(most, np.uint32)
+        changed, count, lowest = apply_changes(
+            self._cost, data, costs.steps, costs.weights, self._pot, self._pending, self.nx, most, cells
+        )
+        if count > 0 and changed >= 0:
+            suspended, threshold = self._queued(), float(threshold_field[0])
+            self._queue(cells[:count])
+            threshold_field[0] = min(threshold, lowest + rise)
+            self.run(last=threshold)
+            self._queue(np.concatenate([suspended, self._queued()]))
+            threshold_field[0] = threshold
+        return changed >= 0
 
     def _queued(self) -> NDArray[np.uint32]:
-        n, m = int(self._fields["n_current"][0]), int(self._fields["n_overflow"][0])
-        return np.concatenate([self._lists[0][:n], self._lists[2][:m]])
+        (current, _, overflow), n, m = (self._fields[name][0] for name in ("lists", "n_current", "n_overflow"))
+        return np.concatenate([self._lists[current, :n], self._lists[overflow, :m]])
 
     def _queue(self, cells: NDArray[np.uint32]) -> None:
-        if cells.size > self._lists[0].size:
-            self._lists[0] = np.empty(2 * cells.size, np.uint32)
-        self._lists[0][: cells.size] = cells
+        if cells.size > self._flags.size:
+            self._reserve(2 * cells.size)
+        self._lists[self._fields["lists"][0, 0], : cells.size] = cells
         self._fields["n_current"][0], self._fields["n_overflow"][0] = cells.size, 0
 
     def complete(self, cell: Cell, reach: int) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import field_validator
 
-from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, kernel
+from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, kernel, plain_kernel
 from navstack.local_planner import parameter_checks as checks
 from navstack.local_planner.goal_checkers import LatchingGoalChecker
 from navstack.local_planner.map_grid import STATE_SIZE, MapGrid, RosDistro, grid_value
@@ -246,13 +246,6 @@ STRAFE = 0.1
 """Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
 
 
-def accumulated(first: float, last: float, number: int) -> NDArray[np.float64]:
-    """`number` values from `first` to about `last`, each the one before plus the step: rounded as the loop of C++."""
-    values = np.full(number, (last - first) / max(number - 1, 1))
-    values[0] = first
-    return np.cumsum(values)  # adds from left to right
-
-
 class TrajectoryRolloutGenerator(TrajectoryGenerator):
     """Samples forward speeds, each straight and with turns, then turns in place."""
 
@@ -263,9 +256,7 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
 
     def samples(self, state: RobotState, plan: NDArray[np.float64], limits: VelocityLimits) -> NDArray[np.float64]:
         """(K, 3) samples that drive forward, then turns in place."""
-        bottom, top, right, left = self.ranges(state, plan, limits)
-        turns = self.turns(right, left)
-        return np.vstack((self.forward(bottom, top, turns, limits), self.in_place(turns, limits)))
+        return self.speeds(self.ranges(state, plan, limits), limits, forward=True)[0]
 
     def ranges(
         self, state: RobotState, plan: NDArray[np.float64], limits: VelocityLimits
@@ -283,30 +274,21 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
         change = limits.acc_lim_theta * horizon
         return bottom, top, min(max(right, w - change), left), max(min(left, w + change), right)
 
-    def turns(self, right: float, left: float) -> NDArray[np.float64]:
-        """(vtheta_samples,) turning speeds, from right to left."""
-        return accumulated(right, left, self._params.vtheta_samples)
+    def speeds(
+        self, ranges: tuple[float, float, float, float], limits: VelocityLimits, *, forward: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(K, 3) samples within `ranges`, and the (vtheta_samples,) turning speeds, from right to left.
 
-    def forward(
-        self, bottom: float, top: float, turns: NDArray[np.float64], limits: VelocityLimits
-    ) -> NDArray[np.float64]:
-        """(n, 3) each forward speed straight, then with every turn but the last; for a holonomic robot two that strafe."""
+        With `forward` each forward speed straight, then with every turn but the last; for a holonomic robot two that strafe. The
+        last vtheta_samples rows are turns in place of at least the lowest turning speed.
+        """
         p = self._params
-        samples = np.zeros((p.vx_samples, len(turns), 3))
-        samples[:, :, 0] = accumulated(bottom, top, p.vx_samples)[:, None]
-        samples[:, 1:, 2] = turns[:-1]
-        samples = samples.reshape(-1, 3)
         strafe = min(STRAFE, limits.max_vel_x)
-        if p.holonomic_robot and math.hypot(strafe, STRAFE) <= limits.max_vel_trans:
-            samples = np.vstack((samples, [(strafe, STRAFE, 0.0), (strafe, -STRAFE, 0.0)]))
-        return samples
-
-    def in_place(self, turns: NDArray[np.float64], limits: VelocityLimits) -> NDArray[np.float64]:
-        """(n, 3) turns in place of at least the lowest turning speed."""
-        slowest = limits.min_vel_theta
-        samples = np.zeros((len(turns), 3))
-        samples[:, 2] = np.where(turns > 0.0, np.maximum(turns, slowest), np.minimum(turns, -slowest))
-        return samples
+        strafes = forward and p.holonomic_robot and math.hypot(strafe, STRAFE) <= limits.max_vel_trans
+        speeds, turns = p.vx_samples if forward else 0, np.empty(p.vtheta_samples)
+        samples = np.empty(((speeds + 1) * len(turns) + (2 if strafes else 0), 3))
+        write_samples(*map(float, (*ranges, strafe, limits.min_vel_theta)), speeds, samples, turns)
+        return samples, turns
 
     def simulate(self, samples: NDArray[np.float64], state: RobotState, limits: VelocityLimits) -> Rollouts:
         """Rollouts of `samples` (K, 3), which accelerate towards their sample."""
@@ -332,6 +314,33 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
 # --- kernels --------------------------------------------------------------------------------------------------------
 
 HALF_PI = 0.5 * math.pi
+
+
+@plain_kernel
+def write_samples(bottom, top, right, left, strafe, slowest, speeds, samples, turns):
+    """Write the turning speeds from `right` to `left` to `turns` (n,), and the samples (K, 3) of `speeds` forward speeds.
+
+    Each speed is the one before plus the step: rounded as the loop of C++. The n turns in place, the last rows, turn at
+    `slowest` (rad/s) at least; rows before them strafe at the forward speed `strafe`.
+    """
+    n = len(turns)
+    turn, step = right, (left - right) / max(n - 1, 1)
+    for j in range(n):
+        turns[j] = turn
+        turn += step
+    samples[:] = 0.0
+    speed, step = bottom, (top - bottom) / max(speeds - 1, 1)
+    for i in range(speeds):
+        for j in range(n):
+            samples[i * n + j, 0] = speed
+            samples[i * n + j, 2] = turns[j - 1] if j > 0 else 0.0
+        speed += step
+    first = len(samples) - n
+    for k in range(speeds * n, first):
+        samples[k, 0] = strafe
+        samples[k, 1] = STRAFE if k == speeds * n else -STRAFE
+    for j in range(n):
+        samples[first + j, 2] = max(turns[j], slowest) if turns[j] > 0.0 else min(turns[j], -slowest)
 
 
 @kernel
@@ -547,17 +556,18 @@ class TrajectoryPlanner(SamplingPlanner):
         context = self.context(state, costmap, footprint, plan, goal)
         if self._attractor:  # turns in place are compared on this grid all the same
             self._goal_distance.prepare(context)
-        bottom, top, right, left = generator.ranges(state, plan, limits)
-        turns = generator.turns(right, left)
-        forward = np.empty((0, 3)) if self._escape.active else generator.forward(bottom, top, turns, limits)
-        candidates = self._scored(context, np.vstack((forward, generator.in_place(turns, limits))))
+        ranges = generator.ranges(state, plan, limits)
+        samples, turns = generator.speeds(ranges, limits, forward=not self._escape.active)
+        first_turn, (_, _, right, left) = len(samples) - len(turns), ranges
+        candidates = self._scored(context, samples)
+        table = candidates.table
 
-        best, nearest = _lowest_legal(candidates.table, len(forward)), math.inf
+        best, nearest = lowest_legal(table.totals, table.rejected_by, first_turn), math.inf
         moved = self._flags.moved(state.pose, p.oscillation_reset_dist)
         circled = self._full_turn.complete(state.pose, moved=moved) and self.additions.full_turns
         if best < 0 or not circled:
             step = (left - right) / (len(turns) - 1) if len(turns) > 1 else math.inf
-            best, nearest = self._turn_in_place(best, len(forward), turns, step, candidates)
+            best, nearest = self._turn_in_place(best, first_turn, turns, step, candidates)
         if best < 0 and p.holonomic_robot and self._y_vels:
             candidates, best = self._strafe(context, nearest, candidates)
         mode = "follow"
@@ -684,12 +694,6 @@ def rounded(state: RobotState) -> RobotState:
     return state._replace(pose=Pose2D(x, y, yaw), velocity=Twist2D(vx, vy, wz))
 
 
-def _lowest_legal(table: ScoreTable, number: int) -> int:
-    """Index of the lowest total among the first `number` samples that are legal, -1 if none is."""
-    legal = table.rejected_by[:number] == -1
-    return int(np.where(legal, table.totals[:number], np.inf).argmin()) if legal.any() else -1
-
-
 # --- kernels --------------------------------------------------------------------------------------------------------
 
 
@@ -712,6 +716,16 @@ def distances_ahead(grid, storage, poses, counts, first, ahead, out):
         if fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny:
             cell = (int(fy) + 1) * width + int(fx) + 1
             out[k - first] = grid_value(distances, queue, state, cell, width, nx * ny)
+
+
+@plain_kernel
+def lowest_legal(totals, rejected_by, number):
+    """Return the index of the lowest total among the first `number` samples that are legal, -1 if none is."""
+    best = -1
+    for k in range(number):
+        if rejected_by[k] == -1 and (best < 0 or totals[k] < totals[best]):
+            best = k
+    return best
 
 
 @kernel
