@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final
+from typing import Any
 
 from navstack.core import NavError
 from navstack.move_base import BusyError, MoveBase
 from navstack.ros2 import ros
 from navstack.ros2.ros import RosNode
-from navstack.ros2.tasks import ABORTED, CANCELED, SUCCEEDED, Outcome, Task, WorkTask
+from navstack.ros2.tasks import ABORTED, CANCELED, SUCCEEDED, Outcome, Task
 from navstack.ros_node import Inbox, NodeClock
-
-FEEDBACK_S: Final = 0.1
-"""Time between two messages of feedback (s)."""
 
 
 class Goal:
@@ -84,7 +81,7 @@ class Server:
             return
         message = self.kind.Feedback()
         if goal.task.feedback(message, now, stamp_ns):
-            goal.feedback_due = now + FEEDBACK_S
+            goal.feedback_due = now + goal.task.feedback_s
             goal.handle.publish_feedback(message)
 
     def finish(self, goal: Goal, outcome: Outcome, now: float) -> None:
@@ -96,6 +93,8 @@ class Server:
             result.error_code = outcome.code
         if hasattr(result, "error_msg"):
             result.error_msg = outcome.text
+        if hasattr(result, "success"):  # of docking; true by default
+            result.success = outcome.status == SUCCEEDED
 
         def conclude(handle: Any) -> Any:
             if outcome.status == SUCCEEDED:
@@ -122,7 +121,7 @@ class Tasks:
     """The goals of all actions, in the thread of the node.
 
     The robot does one task at a time. The newest counts: the one before is aborted, as in Nav2, with the reason in its text. A
-    drive takes over from a drive without a stop. Plans are computed besides, one per action.
+    drive takes over from a drive without a stop. Tasks that do not move it run besides, one per action.
     """
 
     def __init__(self, node: RosNode, inbox: Inbox, clock: NodeClock) -> None:
@@ -133,7 +132,7 @@ class Tasks:
         self._move_base: MoveBase | None = None
         self._running: Goal | None = None
         self._pending: Goal | None = None
-        self._works: dict[str, Goal] = {}
+        self._aside: dict[str, Goal] = {}
 
     def connect(self, move_base: MoveBase) -> None:
         """Use this goal manager."""
@@ -142,13 +141,13 @@ class Tasks:
     def submit(self, goal: Goal) -> None:
         """Begin a goal, or let it wait for the end of the one before."""
         now = self.clock.now()
-        if isinstance(goal.task, WorkTask):
-            before = self._works.pop(goal.server.name, None)
+        if goal.task.is_aside:
+            before = self._aside.pop(goal.server.name, None)
             if before is not None:
                 before.task.cancel()
                 self._finish(before, Outcome(ABORTED, 0, "replaced by a newer goal"), now)
             if self._begin(goal, now):
-                self._works[goal.server.name] = goal
+                self._aside[goal.server.name] = goal
             return
         if self._pending is not None:
             self._finish(self._pending, Outcome(ABORTED, 0, "replaced by a newer goal"), now)
@@ -165,7 +164,7 @@ class Tasks:
                 self._pending = None
                 self._finish(goal, Outcome(ABORTED, goal.task.codes.first, refusal), now)
                 return
-            if not goal.task.takes_over and running.task.takes_over:
+            if not goal.task.takes_over and running.task.drives:
                 running.task.cancel()  # a motion waits until the drive has stopped
                 return
             self._running = None
@@ -199,15 +198,15 @@ class Tasks:
         if goal is self._pending:
             self._pending = None
             self._finish(goal, Outcome(CANCELED), now)
-        elif goal is self._running or goal in self._works.values():
+        elif goal is self._running or goal in self._aside.values():
             goal.task.cancel()
 
     def cancel_all(self, text: str) -> None:
         """Abort every goal: the node is deactivated or ends."""
         now = self.clock.now()
-        goals = [goal for goal in (self._running, self._pending, *self._works.values()) if goal is not None]
+        goals = [goal for goal in (self._running, self._pending, *self._aside.values()) if goal is not None]
         self._running = self._pending = None
-        self._works.clear()
+        self._aside.clear()
         for goal in goals:
             if goal.has_begun:
                 goal.task.cancel()
@@ -215,7 +214,7 @@ class Tasks:
 
     def update(self, now: float) -> None:
         """End what has ended, begin what waits, and publish feedback."""
-        for goal in (self._running, *self._works.values()):
+        for goal in (self._running, *self._aside.values()):
             outcome = None if goal is None else goal.task.update(now)
             if goal is None or outcome is None:
                 continue
@@ -224,12 +223,12 @@ class Tasks:
                 if self._pending is not None and not goal.is_canceled and outcome.status == CANCELED:
                     outcome = Outcome(ABORTED, 0, f"replaced by a goal of {self._pending.server.name}")
             else:
-                del self._works[goal.server.name]
+                del self._aside[goal.server.name]
             self._finish(goal, outcome, now)
         self._start_pending(now)
-        goal = self._running
-        if goal is not None:
-            goal.server.publish_feedback(goal, now, self.clock.ns(now))
+        for goal in (self._running, *self._aside.values()):
+            if goal is not None:
+                goal.server.publish_feedback(goal, now, self.clock.ns(now))
 
     def _finish(self, goal: Goal, outcome: Outcome, now: float) -> None:
         goal.server.finish(goal, outcome, now)

@@ -361,6 +361,10 @@ class RosNode:
                 self.log.logerr("%s: %s", name, exc)
             return response
 
+        self.serve_here(name, kind, answer)
+
+    def serve_here(self, name: str, kind: str, answer: Callable[[Any, Any], Any]) -> None:
+        """Offer a service: `answer(request, response)` returns the response, in the thread of rclpy."""
         cls = message(kind)
         self._kept.append(self.create(lambda: self.handle.create_service(cls, self._named(name), answer)))
 
