@@ -14,7 +14,7 @@ from navstack.core import NavError
 from navstack.move_base import BusyError, MoveBase
 from navstack.ros2 import ros
 from navstack.ros2.ros import RosNode
-from navstack.ros2.tasks import ABORTED, CANCELED, SUCCEEDED, Outcome, Task
+from navstack.ros2.tasks import ABORTED, CANCELED, SUCCEEDED, Codes, Outcome, Task
 from navstack.ros_node import Inbox, NodeClock
 
 
@@ -34,6 +34,7 @@ class Server:
     def __init__(self, tasks: Tasks, name: str, kind: str, make: Callable[[Any], Task]) -> None:
         """`kind`: nav2_msgs/action/Spin. `make` returns the task of a goal message."""
         self.name, self.kind, self._make = name, ros.message(kind), make
+        self._codes = ros.constants(self.kind.Result)
         self._tasks = tasks
         self._goals: dict[bytes, Goal] = {}
         module = ros.load("rclpy.action")
@@ -84,13 +85,18 @@ class Server:
             goal.feedback_due = now + goal.task.feedback_s
             goal.handle.publish_feedback(message)
 
+    def _code(self, code: int, of: Codes) -> int:
+        """Return the code, that of an unknown cause if the action of this distribution does not have it."""
+        is_known = code in self._codes or code in of.passed or of.first not in self._codes
+        return code if is_known else of.first
+
     def finish(self, goal: Goal, outcome: Outcome, now: float) -> None:
         """End a goal: its state and its result."""
         result = self.kind.Result()
         if goal.has_begun:
             goal.task.fill(result, now)
         if hasattr(result, "error_code"):
-            result.error_code = outcome.code
+            result.error_code = self._code(outcome.code, goal.task.codes)
         if hasattr(result, "error_msg"):
             result.error_msg = outcome.text
         if hasattr(result, "success"):  # of docking; true by default

@@ -82,6 +82,12 @@ def has_message(name: str) -> bool:
     return True
 
 
+def constants(cls: Any) -> frozenset[int]:
+    """Return the values of the integer constants of a message."""
+    values = (getattr(cls, name) for name in dir(type(cls)) if name.isupper() and not name.startswith("_"))
+    return frozenset(value for value in values if type(value) is int)
+
+
 def distro() -> str:
     """Return the distribution: ROS_DISTRO, else by what its messages have."""
     named = os.environ.get("ROS_DISTRO", "")

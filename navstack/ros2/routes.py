@@ -191,8 +191,8 @@ class RouteTopics:
         highest = max((int(ids.max()) for ids in (graph.node_ids, graph.edge_ids) if len(ids)), default=0)
         if highest > MAX_ID_IN_MESSAGES:
             raise InvalidGraphError(
-                f"the graph {graph.name} has the id {highest}, but ids in messages of ROS end at {MAX_ID_IN_MESSAGES}; "
-                "number its nodes and edges from 0"
+                f"the graph has the id {highest}, but ids in messages of ROS end at {MAX_ID_IN_MESSAGES}; number its nodes "
+                "and edges from 0"
             )
 
     def _on_graph(self, request: Any, response: Any) -> None:

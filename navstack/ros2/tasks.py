@@ -330,8 +330,10 @@ class WaypointsTask(DriveTask):
 
     def begin(self, now: float) -> None:
         """Send the first waypoint."""
+        if not self.goal.poses:
+            raise InvalidChoiceError("the goal has no poses; give at least one", code=self.codes.first + 2)
         self.first = int(getattr(self.goal, "goal_index", 0))
-        if not 0 <= self.first < max(len(self.goal.poses), 1):
+        if not 0 <= self.first < len(self.goal.poses):
             raise InputError(f"goal_index {self.first} is not an index of the {len(self.goal.poses)} poses")
         self.loops = int(getattr(self.goal, "number_of_loops", 0))
         super().begin(now)

@@ -13,7 +13,8 @@ from tests.ros1.conftest import paced
 from tests.ros2.conftest import FASTEST, Graph
 
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
-DOCK = [3.2, 7.45, 0.0]
+DOCK = [7.6, 7.45, 0.0]
+"""Beyond the lanes, which it would block."""
 PARAMS: dict[str, Any] = {
     "docking_server": {
         "docks": ["home"],
@@ -35,7 +36,7 @@ dock, undock = Action(DockRobot, "dock_robot"), Action(UndockRobot, "undock_robo
 go = Action(NavigateToPose, "navigate_to_pose")
 found["before"] = first(BatteryState, "battery_state", depth=5).current
 status, result = dock.end(dock.send(DockRobot.Goal(use_dock_id=True, dock_id="home")))
-found["docked"] = [status, result.success, result.error_code, result.num_retries]
+found["docked"] = [status, result.success, result.error_code]
 found["states"] = sorted({one.state for one in dock.feedback})
 found["time"] = [dock.feedback[-1].docking_time.sec > 2, dock.feedback[-1].docking_time.sec < 200]
 found["at"] = robot()
@@ -51,11 +52,11 @@ found["no success"] = result.success
 found["type"] = undock.run(UndockRobot.Goal(dock_type="other"))
 
 # a docking on the way to its staging pose is canceled, and replaced by a drive
-handle = dock.send(DockRobot.Goal(use_dock_id=False, dock_pose=stamped(9.0, 7.45)))
+handle = dock.send(DockRobot.Goal(use_dock_id=False, dock_pose=stamped(3.0, 7.45)))
 spin(lambda: any(one.state == 1 for one in dock.feedback), "the way to the staging pose")
 wait(handle.cancel_goal_async(), "cancel")
 found["canceled"] = dock.end(handle)[0]
-handle = dock.send(DockRobot.Goal(use_dock_id=False, dock_pose=stamped(9.0, 7.45)))
+handle = dock.send(DockRobot.Goal(use_dock_id=False, dock_pose=stamped(3.0, 7.45)))
 spin(lambda: any(one.state == 1 for one in dock.feedback), "the way to the staging pose")
 answer = handle.get_result_async()
 found["drive"] = go.run(NavigateToPose.Goal(pose=stamped(robot()[0], 7.45)))
@@ -150,8 +151,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     graph = Graph(folder)
     try:
         params = ("--params", "turtlebot", "--params", str(more))
-        graph.start_sim("office", *params, "--start", "1.0,7.45", "--clock", "--speed", paced(FASTEST))
-        graph.start_navigator(*params)
+        graph.start_robot(("office", *params, "--start", "1.0,7.45", "--clock", "--speed", paced(FASTEST)), params)
         yield graph
     finally:
         graph.close()
@@ -163,7 +163,7 @@ def test_routes(robot: Graph) -> None:
     status, code, nodes, edges, poses, _ = found["by ids"]
     assert [status, code, nodes, edges] == [SUCCEEDED, 0, [0, 1, 2, 3], [4, 5, 6]] and poses > 50
     assert found["by poses"][:3] == [SUCCEEDED, 0, [0, 1, 2, 3]]
-    assert found["no node"][:2] == [ABORTED, 403] and "77" in found["no node"][5]
+    assert found["no node"][:2] == [ABORTED, 402] and "77" in found["no node"][5]
     assert found["no frame"][:2] == [ABORTED, 401] and "nowhere" in found["no frame"][5]
     assert found["nan"][0] == ABORTED and found["nan"][1] in (400, 403)
     assert found["close"] and found["closed"] == [ABORTED, 405] and found["open"] and not found["no edge"]
@@ -172,14 +172,14 @@ def test_routes(robot: Graph) -> None:
     assert 2 <= len(found["seen"]) < 12 and found["seen"][-1][0] >= 1  # at changes only
     assert not found["set nothing"] and not found["set high"] and found["kept"] == [SUCCEEDED, 0]
     assert found["set"] and found["other"] == [SUCCEEDED, 0, [10, 11]]
-    assert "70000" in robot.output()
+    assert "the graph has the id 70001" in robot.output()
 
 
 def test_docking(robot: Graph) -> None:
     found = robot.ask(DOCKING)
     assert found["before"] <= 0.0
-    assert found["docked"] == [SUCCEEDED, True, 0, 0] and found["time"] == [True, True]
-    assert {2, 3} <= set(found["states"])
+    assert found["docked"] == [SUCCEEDED, True, 0] and found["time"] == [True, True]
+    assert {1, 3, 4} <= set(found["states"])  # the dock is detected between two messages of feedback
     assert found["at"] == pytest.approx(DOCK[:2], abs=0.03)
     assert found["undocked"] == [SUCCEEDED, True, 0]
     assert found["out"] == pytest.approx([DOCK[0] - 0.7, DOCK[1]], abs=0.1)
