@@ -197,9 +197,11 @@ def describe_obstacle(cost: int | None) -> str:
 def straight(costmap: CostmapServer, distance: float, *, even: bool = True) -> NDArray[np.float64]:
     """Return poses (n, 3) in the base frame along a straight motion by `distance` (m), at most half a cell apart.
 
-    The steps are equal, or half a cell and a rest if not `even`.
+    The steps are equal, or half a cell and a rest if not `even`. Poses that are surely off the costmap are left out.
     """
-    along = _samples(abs(distance), 0.5 * costmap.master.geometry.resolution, even)
+    geometry = costmap.master.geometry
+    reach = min(abs(distance), 2.0 * (geometry.width_m + geometry.height_m))
+    along = _samples(reach, 0.5 * geometry.resolution, even)
     poses = np.zeros((len(along), 3))
     poses[:, 0] = np.copysign(along, distance)
     return poses

@@ -90,6 +90,11 @@ class DockTask:
         return self.status is GoalStatus.SUCCEEDED
 
     @property
+    def is_staging(self) -> bool:
+        """True while a goal drives the robot to the staging pose."""
+        return self._goal is not None and not self._goal.is_done
+
+    @property
     def state(self) -> DockingState:
         """What the robot does now, as in Nav2's feedback."""
         return self.log.state if not self.is_done else DockingState.NONE

@@ -189,6 +189,7 @@ class FoxgloveServer:
         self._stage = stage
         self._topics = {topic.name: topic for topic in self._all_topics(stage.main)}
         self._refresh_parameters()
+        self._server.clear_session()  # a client that was here before asks for the parameters again
         self._watched = watched
         if any(channel.has_sinks() for channel in self._channels.values()):
             watched()

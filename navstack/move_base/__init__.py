@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     from navstack.move_base.tree_move_base import TreeMoveBase as TreeMoveBase
     from navstack.move_base.tree_servers import BehaviorServer as BehaviorServer
     from navstack.move_base.tree_servers import pose_cost as pose_cost
+    from navstack.move_base.tree_tasks import RouteServer as RouteServer
+    from navstack.move_base.tree_tasks import RouteTrackingServer as RouteTrackingServer
     from navstack.move_base.tree_tasks import path_servers as path_servers
     from navstack.parameters import MoveBaseParams as MoveBaseParams
     from navstack.parameters import builtin_recoveries as builtin_recoveries

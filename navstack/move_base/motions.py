@@ -147,6 +147,14 @@ class MotionRunner:
             age = now - handle.sent_at
             self._end(handle, now, error or GoalCanceledError(f"{handle.motion.name} was canceled after {age:.1f} s"))
 
+    @property
+    def assisted(self) -> AssistedTeleop | None:
+        """The `assisted_teleop` that runs, as a motion or for a goal; None without one."""
+        for behavior in (self._running_recovery(), None if self.running is None else self.running.motion):
+            if isinstance(behavior, AssistedTeleop):
+                return behavior
+        return None
+
     def drive(self, twist: Twist2D) -> None:
         """Drive at a velocity that comes from outside (teleop) until the next command; a running motion is canceled.
 
@@ -157,10 +165,10 @@ class MotionRunner:
         output = self._output
         if not twist.is_finite():
             raise InputError(f"the command {tuple(twist)} is not finite", command=twist)
-        for behavior in (self._running_recovery(), None if self.running is None else self.running.motion):
-            if isinstance(behavior, AssistedTeleop):
-                behavior.take(twist, output.tick.time)
-                return
+        assisted = self.assisted
+        if assisted is not None:
+            assisted.take(twist, output.tick.time)
+            return
         if output.chain is None:
             self._require_idle("a command from outside")
         self.cancel()

@@ -156,17 +156,31 @@ class RouteGraphServer:
         """`parameters` of Nav2's route_server; a relative `graph_filepath` is relative to the working directory."""
         self._frames, self._parameters = _Frames(robot, costmap), parameters
 
+    @property
+    def has_file(self) -> bool:
+        """True if a graph is named, by the parameters or by `use_graph`."""
+        return "planner" in self.__dict__ or bool(self._parameters.get("graph_filepath"))
+
     @cached_property
     def planner(self) -> RoutePlanner:
         """The planner, made with the first goal. Raises RouteError for the graph, ParameterError."""
-        from navstack.routes import InvalidGraphError, RoutePlanner, load_graph, read_scorers
+        from navstack.routes import InvalidGraphError
 
         file = str(self._parameters.get("graph_filepath") or "")
         if not file:
             raise InvalidGraphError(
-                "the tree asks for a route, but there is no graph; write graph_filepath: FILE.geojson in route_server, or give "
-                "it with --set route_server/graph_filepath=FILE.geojson"
+                "a route is asked for, but there is no graph; write graph_filepath: FILE.geojson in route_server, or give it "
+                "with --set route_server/graph_filepath=FILE.geojson"
             )
+        return self._planner_of(file)
+
+    def use_graph(self, file: str) -> None:
+        """Use another graph (Nav2's service set_route_graph). Raises RouteError for the file, and the graph remains."""
+        self.planner = self._planner_of(file)
+
+    def _planner_of(self, file: str) -> RoutePlanner:
+        from navstack.routes import RoutePlanner, load_graph, read_scorers
+
         return RoutePlanner(load_graph(FilePath(file).expanduser()), *read_scorers(self._parameters))
 
     def prepare(self) -> None:
@@ -197,7 +211,7 @@ class RouteGraphServer:
         try:
             return find()
         except FrameError as exc:
-            raise RouteFrameError(f"the tree asks for a route: {exc.message}", **exc.data) from exc
+            raise RouteFrameError(f"a route is asked for: {exc.message}", **exc.data) from exc
 
     def see(self) -> None:
         """Let the planner read the costmap, if it has the frame of the graph."""
@@ -239,15 +253,15 @@ class RouteServer:
     first_code = 400
 
     def __init__(self, graph: RouteGraphServer) -> None:
-        self._graph = graph
+        self.graph = graph
 
     def prepare(self) -> None:
         """Read graph, edge scorers and operations. Raises RouteError, ParameterError."""
-        self._graph.prepare()
+        self.graph.prepare()
 
     def start(self, goal: Mapping[str, object], now: float) -> Mapping[str, object]:
         """Return the route and its path. Raises NavError."""
-        return {**_values(self._graph.plan(goal, now)), "planning_time": 0.0}
+        return {**_values(self.graph.plan(goal, now)), "planning_time": 0.0}
 
     def update(self, now: float) -> Mapping[str, object]:
         """Do nothing: a goal ends with its start."""

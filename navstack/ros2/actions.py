@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final
+from typing import Any
 
 from navstack.core import NavError
 from navstack.move_base import BusyError, MoveBase
 from navstack.ros2 import ros
 from navstack.ros2.ros import RosNode
-from navstack.ros2.tasks import ABORTED, CANCELED, SUCCEEDED, Outcome, Task, WorkTask
+from navstack.ros2.tasks import ABORTED, CANCELED, SUCCEEDED, Codes, Outcome, Task
 from navstack.ros_node import Inbox, NodeClock
-
-FEEDBACK_S: Final = 0.1
-"""Time between two messages of feedback (s)."""
 
 
 class Goal:
@@ -37,6 +34,7 @@ class Server:
     def __init__(self, tasks: Tasks, name: str, kind: str, make: Callable[[Any], Task]) -> None:
         """`kind`: nav2_msgs/action/Spin. `make` returns the task of a goal message."""
         self.name, self.kind, self._make = name, ros.message(kind), make
+        self._codes = ros.constants(self.kind.Result)
         self._tasks = tasks
         self._goals: dict[bytes, Goal] = {}
         module = ros.load("rclpy.action")
@@ -84,8 +82,13 @@ class Server:
             return
         message = self.kind.Feedback()
         if goal.task.feedback(message, now, stamp_ns):
-            goal.feedback_due = now + FEEDBACK_S
+            goal.feedback_due = now + goal.task.feedback_s
             goal.handle.publish_feedback(message)
+
+    def _code(self, code: int, of: Codes) -> int:
+        """Return the code, that of an unknown cause if the action of this distribution does not have it."""
+        is_known = code in self._codes or code in of.passed or of.first not in self._codes
+        return code if is_known else of.first
 
     def finish(self, goal: Goal, outcome: Outcome, now: float) -> None:
         """End a goal: its state and its result."""
@@ -93,9 +96,11 @@ class Server:
         if goal.has_begun:
             goal.task.fill(result, now)
         if hasattr(result, "error_code"):
-            result.error_code = outcome.code
+            result.error_code = self._code(outcome.code, goal.task.codes)
         if hasattr(result, "error_msg"):
             result.error_msg = outcome.text
+        if hasattr(result, "success"):  # of docking; true by default
+            result.success = outcome.status == SUCCEEDED
 
         def conclude(handle: Any) -> Any:
             if outcome.status == SUCCEEDED:
@@ -122,7 +127,7 @@ class Tasks:
     """The goals of all actions, in the thread of the node.
 
     The robot does one task at a time. The newest counts: the one before is aborted, as in Nav2, with the reason in its text. A
-    drive takes over from a drive without a stop. Plans are computed besides, one per action.
+    drive takes over from a drive without a stop. Tasks that do not move it run besides, one per action.
     """
 
     def __init__(self, node: RosNode, inbox: Inbox, clock: NodeClock) -> None:
@@ -133,7 +138,7 @@ class Tasks:
         self._move_base: MoveBase | None = None
         self._running: Goal | None = None
         self._pending: Goal | None = None
-        self._works: dict[str, Goal] = {}
+        self._aside: dict[str, Goal] = {}
 
     def connect(self, move_base: MoveBase) -> None:
         """Use this goal manager."""
@@ -142,13 +147,13 @@ class Tasks:
     def submit(self, goal: Goal) -> None:
         """Begin a goal, or let it wait for the end of the one before."""
         now = self.clock.now()
-        if isinstance(goal.task, WorkTask):
-            before = self._works.pop(goal.server.name, None)
+        if goal.task.is_aside:
+            before = self._aside.pop(goal.server.name, None)
             if before is not None:
                 before.task.cancel()
                 self._finish(before, Outcome(ABORTED, 0, "replaced by a newer goal"), now)
             if self._begin(goal, now):
-                self._works[goal.server.name] = goal
+                self._aside[goal.server.name] = goal
             return
         if self._pending is not None:
             self._finish(self._pending, Outcome(ABORTED, 0, "replaced by a newer goal"), now)
@@ -165,7 +170,7 @@ class Tasks:
                 self._pending = None
                 self._finish(goal, Outcome(ABORTED, goal.task.codes.first, refusal), now)
                 return
-            if not goal.task.takes_over and running.task.takes_over:
+            if not goal.task.takes_over and running.task.drives:
                 running.task.cancel()  # a motion waits until the drive has stopped
                 return
             self._running = None
@@ -199,15 +204,15 @@ class Tasks:
         if goal is self._pending:
             self._pending = None
             self._finish(goal, Outcome(CANCELED), now)
-        elif goal is self._running or goal in self._works.values():
+        elif goal is self._running or goal in self._aside.values():
             goal.task.cancel()
 
     def cancel_all(self, text: str) -> None:
         """Abort every goal: the node is deactivated or ends."""
         now = self.clock.now()
-        goals = [goal for goal in (self._running, self._pending, *self._works.values()) if goal is not None]
+        goals = [goal for goal in (self._running, self._pending, *self._aside.values()) if goal is not None]
         self._running = self._pending = None
-        self._works.clear()
+        self._aside.clear()
         for goal in goals:
             if goal.has_begun:
                 goal.task.cancel()
@@ -215,7 +220,7 @@ class Tasks:
 
     def update(self, now: float) -> None:
         """End what has ended, begin what waits, and publish feedback."""
-        for goal in (self._running, *self._works.values()):
+        for goal in (self._running, *self._aside.values()):
             outcome = None if goal is None else goal.task.update(now)
             if goal is None or outcome is None:
                 continue
@@ -224,12 +229,12 @@ class Tasks:
                 if self._pending is not None and not goal.is_canceled and outcome.status == CANCELED:
                     outcome = Outcome(ABORTED, 0, f"replaced by a goal of {self._pending.server.name}")
             else:
-                del self._works[goal.server.name]
+                del self._aside[goal.server.name]
             self._finish(goal, outcome, now)
         self._start_pending(now)
-        goal = self._running
-        if goal is not None:
-            goal.server.publish_feedback(goal, now, self.clock.ns(now))
+        for goal in (self._running, *self._aside.values()):
+            if goal is not None:
+                goal.server.publish_feedback(goal, now, self.clock.ns(now))
 
     def _finish(self, goal: Goal, outcome: Outcome, now: float) -> None:
         goal.server.finish(goal, outcome, now)

@@ -31,6 +31,41 @@ def offer_state(node: RosNode, inbox: Inbox, name: str, state: Callable[[], tupl
     node.serve(f"{name}/get_state", "lifecycle_msgs/srv/GetState", inbox, answer)
 
 
+COMMANDS: Final[dict[int, tuple[str, ...]]] = {
+    0: ("configure", "activate"),
+    1: ("deactivate",),
+    2: ("activate",),
+    3: ("deactivate", "cleanup"),
+    4: ("deactivate", "cleanup", "shutdown"),
+    5: ("configure",),
+    6: ("cleanup",),
+}
+"""Transitions of each command of nav2_msgs/ManageLifecycleNodes: startup, pause, resume, reset, shutdown, configure, cleanup."""
+
+
+def offer_manager(
+    node: RosNode, name: str, is_active: Callable[[], bool], change: Callable[[str], bool] = lambda transition: True
+) -> None:
+    """Offer the services of a lifecycle_manager for this node, which clients and RViz's panel of Nav2 use.
+
+    `change` takes a transition of the life cycle, in the thread of rclpy, and returns True if it was possible.
+    """
+
+    def on_active(request: Any, response: Any) -> Any:
+        del request
+        response.success = is_active()
+        return response
+
+    def on_command(request: Any, response: Any) -> Any:
+        wanted = COMMANDS.get(int(request.command), ())
+        response.success = bool(wanted) and all(change(transition) for transition in wanted)
+        return response
+
+    node.serve_here(f"{name}/is_active", "std_srvs/srv/Trigger", on_active)
+    if ros.has_message("nav2_msgs/srv/ManageLifecycleNodes"):
+        node.serve_here(f"{name}/manage_nodes", "nav2_msgs/srv/ManageLifecycleNodes", on_command)
+
+
 def managed_node(change: Callable[[str], None]) -> Callable[..., Any]:
     """Return what makes a node with rclpy's life cycle; `change` gets each transition in the thread of rclpy."""
     base = ros.load("rclpy.lifecycle").LifecycleNode

@@ -8,19 +8,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from navstack.core import Event, InputError, Path, Pose2D, Transform2D, Twist2D
+from navstack.core import Event, InputError, NavError, Path, Pose2D, Transform2D, Twist2D
 from navstack.costmap import BinaryMaskLayer, MaskLayer
+from navstack.docking import DockDatabase
 from navstack.global_planner import SmoothedPlanner
-from navstack.move_base import MoveBase, ThreadPlanning, TickResult, full_speed
+from navstack.move_base import MoveBase, ThreadPlanning, TickResult, TreeMoveBase, full_speed, pose_cost
 from navstack.parameters import Configuration
-from navstack.plugins import SMOOTHERS, limits_of
+from navstack.plugins import SMOOTHERS, Smoother, limits_of
 from navstack.replay import sensor_topics
-from navstack.ros2 import ros, tasks
+from navstack.ros2 import docking, ros, tasks
 from navstack.ros2.actions import Server, Tasks
-from navstack.ros2.lifecycle import BOND, Bond, offer_state
+from navstack.ros2.lifecycle import BOND, Bond, offer_manager, offer_state
 from navstack.ros2.parameters import LiveParameters
 from navstack.ros2.ros import RosNode, value_of
-from navstack.ros2.services import Services
+from navstack.ros2.routes import ComputeRouteTask, RouteTopics, TrackRouteTask
+from navstack.ros2.services import LETHAL, UNKNOWN, Services
 from navstack.ros2.tasks import Task
 from navstack.ros2.topics import BinaryState, CostmapTopics, Diagnostics, FilterTopics, PlanTopics
 from navstack.ros_messages import messages as msg
@@ -38,7 +40,7 @@ from navstack.ros_node import (
 
 STANDS_IN_FOR: Final = (
     *("bt_navigator", "controller_server", "planner_server", "behavior_server", "smoother_server"),
-    "waypoint_follower",
+    *("waypoint_follower", "docking_server", "route_server"),
 )
 """Nodes of Nav2 whose state clients ask for."""
 INACTIVE: Final = (2, "inactive")
@@ -73,6 +75,7 @@ class Navigator(StackNode):
         self._plans: PlanTopics | None = None
         self._diagnostics: Diagnostics | None = None
         self._base = configuration.local_costmap.params.robot_base_frame
+        self._docks: DockDatabase | None = None
         self._bond = Bond(node) if ros.has_message(BOND) else None
         self._subscribe(odometry)
 
@@ -96,6 +99,9 @@ class Navigator(StackNode):
             node.subscribe(sensor.name, sensor.type, receive, depth=MOST_SENSOR_DATA, reliable=False)
         node.subscribe(self.map_topic(), msg.MAP, later(self._on_map, most=1), latched=True)
 
+        if ros.has_module("nav2_msgs"):
+            docking.subscribe(node, self.inbox, robot, docking.detection_topics(self.configuration.docking))
+
     def _on_map(self, message: Any) -> None:
         self.use_map(msg.map_of(message, self.node.resolved(self.map_topic()), self.node.log.logwarn))
 
@@ -105,6 +111,18 @@ class Navigator(StackNode):
         self._cmd_vel.publish(
             build.twist_stamped(self.node.now_ns(), self._base, twist) if self._stamped else build.twist(twist)
         )
+
+    def _on_teleop(self, message: Any) -> None:
+        """Take a velocity of a person, while assisted_teleop runs: a Twist or a TwistStamped."""
+        move_base = self.move_base
+        if move_base is not None and move_base.motions.assisted is not None:
+            move_base.motions.drive(msg.twist_of(getattr(message, "twist", message)))
+
+    def _on_preempt_teleop(self, message: Any) -> None:
+        """End assisted_teleop with success."""
+        assisted = None if self.move_base is None else self.move_base.motions.assisted
+        if assisted is not None:
+            assisted.preempt()
 
     def _on_speed_limit(self, message: Any) -> None:
         """Limit the speed (m/s, or percent of the full speed); 0 is no limit."""
@@ -130,6 +148,7 @@ class Navigator(StackNode):
         self.tasks.is_active = self._autostart if self._wanted is None else self._wanted
         goal_pose = inbox.poster(self._on_goal_pose, most=1)
         if ros.has_module("nav2_msgs"):
+            assert isinstance(move_base, TreeMoveBase)  # by `trees_by_goal`
             self._serve_actions(move_base)
             self._connect_filters(move_base)
             node.subscribe(
@@ -145,6 +164,7 @@ class Navigator(StackNode):
             if name != node.handle.get_name():
                 offer_state(node, inbox, name, self._state)
         if self._autostart:
+            offer_manager(node, "lifecycle_manager_navigation", lambda: self.tasks.is_active, self._transit)
             node.later(self._activate)
 
     def _connect_filters(self, move_base: MoveBase) -> None:
@@ -163,6 +183,15 @@ class Navigator(StackNode):
         if self._wanted is None:
             handle.trigger_configure()
             handle.trigger_activate()
+
+    def _transit(self, transition: str) -> bool:
+        """Take a transition of the life cycle, in the thread of rclpy; return False if the state does not allow it."""
+        success = ros.load("rclpy.lifecycle").TransitionCallbackReturn.SUCCESS
+        try:
+            return bool(getattr(self.node.handle, f"trigger_{transition}")() == success)
+        except Exception as exc:  # a class of rclpy that is not public
+            self.node.log.logwarn("%s is not possible now: %s", transition, exc)
+            return False
 
     def change_state(self, transition: str) -> None:
         """Take a transition of the life cycle, in the thread of rclpy."""
@@ -186,8 +215,14 @@ class Navigator(StackNode):
         if self.move_base is not None:
             self.move_base.cancel_all_goals()
 
-    def _serve_actions(self, move_base: MoveBase) -> None:
-        build = self.node.build
+    def _read_docks(self) -> DockDatabase:
+        """Return the docks, read once. Raises InputError."""
+        if self._docks is None:
+            self._docks = DockDatabase.of(self.configuration)
+        return self._docks
+
+    def _serve_actions(self, move_base: TreeMoveBase) -> None:
+        build, node = self.node.build, self.node
 
         def server(name: str, kind: str, task: type[Task], **settings: Any) -> None:
             def make(goal: Any) -> Task:
@@ -212,19 +247,39 @@ class Navigator(StackNode):
             "stamp_ns": self.clock.ns,
         }
         default_tree = {"default_tree": self.configuration.navstack.behavior_tree}
+        choices = (*self.configuration.behaviors, *self.configuration.recoveries)
+        motion = {"configured": {choice.cls: choice.params for choice in choices}}
         server("navigate_to_pose", "NavigateToPose", tasks.DriveTask, **default_tree)
         server("navigate_through_poses", "NavigateThroughPoses", tasks.ThroughTask, **default_tree)
         server("follow_waypoints", "FollowWaypoints", tasks.WaypointsTask, **waypoints, **default_tree)
         server("follow_path", "FollowPath", tasks.FollowPathTask, controllers=controllers)
-        server("spin", "Spin", tasks.SpinTask)
-        server("backup", "BackUp", tasks.BackUpTask)
-        server("drive_on_heading", "DriveOnHeading", tasks.DriveOnHeadingTask)
+        server("spin", "Spin", tasks.SpinTask, **motion)
+        server("backup", "BackUp", tasks.BackUpTask, **motion)
+        server("drive_on_heading", "DriveOnHeading", tasks.DriveOnHeadingTask, **motion)
+        server("assisted_teleop", "AssistedTeleop", tasks.AssistedTeleopTask, **motion)
         server("wait", "Wait", tasks.WaitTask)
         server("compute_path_to_pose", "ComputePathToPose", PlanTask, **works)
         server("compute_path_through_poses", "ComputePathThroughPoses", PlanThroughTask, **works)
         server("smooth_path", "SmoothPath", SmoothTask, **works)
+        self._serve_docking(server, default_tree)
+        routes = self._routes = RouteTopics(node, move_base, self.clock, self.inbox)
+        both = {"server": routes.server, "tracker": routes.tracker, "clock": self.clock}
+        server("compute_route", "ComputeRoute", ComputeRouteTask, **both)
+        server("compute_and_track_route", "ComputeAndTrackRoute", TrackRouteTask, **both)
+        kind = "geometry_msgs/msg/TwistStamped" if self._stamped else "geometry_msgs/msg/Twist"
+        node.subscribe("cmd_vel_teleop", kind, self.inbox.poster(self._on_teleop, most=1), depth=10)
+        node.subscribe("preempt_teleop", "std_msgs/msg/Empty", self.inbox.poster(self._on_preempt_teleop, most=1))
         client, kind = ros.load("rclpy.action").ActionClient, ros.message("nav2_msgs/action/NavigateToPose")
         self._own_goals = self.node.create(lambda: client(self.node.handle, kind, "navigate_to_pose"))
+
+    def _serve_docking(self, server: Callable[..., None], default_tree: dict[str, Any]) -> None:
+        given = {"docks": self._read_docks, **default_tree}
+        try:
+            self._read_docks()
+        except NavError as exc:
+            self.node.log.logerr("docking_server: %s", exc.message)
+        server("dock_robot", "DockRobot", docking.DockRobotTask, **given)
+        server("undock_robot", "UndockRobot", docking.UndockRobotTask, **given)
 
     def _submit(self, work: Callable[[], Any]) -> Any:
         future = self.tasks.pool.submit(work)
@@ -371,20 +426,46 @@ class SmoothTask(tasks.WorkTask):
     navigator: Navigator
 
     def work(self) -> Path:
-        """Smooth the path by the smoother of the parameters, or by one of another name."""
+        """Smooth the path by a smoother of the parameters, or by one of another name."""
         path = tasks.path_of(self.goal.path)
         if not len(path):
             raise tasks.InvalidChoiceError("the path to smooth is empty", code=self.codes.first + 5)
-        name = str(self.goal.smoother_id)
+        smoother = self._smoother(str(self.goal.smoother_id))
+        _, costmap, footprint = self.copy.snapshot()
+        if path.frame not in ("", costmap.frame):
+            path = Path(self._between(costmap.frame, path.frame).apply_poses(path.poses), costmap.frame)
+        found = smoother.smooth(path, costmap, footprint=footprint)
+        hit = self.navigator.inbox.call(lambda: self._collision(found)) if self.goal.check_for_collisions else None
+        if hit is not None:
+            text = f"the smoothed path collides at ({hit.x:.2f}, {hit.y:.2f}, {hit.yaw:.2f})"
+            raise tasks.InvalidChoiceError(text, code=self.codes.first + 3)
+        return found
+
+    def _collision(self, path: Path) -> Pose2D | None:
+        """Return the first pose at which the footprint hits an obstacle, or that is outside; in the thread of the node."""
+        for pose in (Pose2D(*row) for row in path.poses.tolist()):
+            cost = pose_cost(self.move_base.global_costmap, pose, use_footprint=True)
+            if cost is None or LETHAL <= cost < UNKNOWN:
+                return pose
+        return None
+
+    def _smoother(self, name: str) -> Smoother:
+        """Return a new smoother, for this thread: one of smoother_plugins, that of the planner, or one by its plugin."""
+        configured = self.navigator.configuration.smoothers
         planner = self.move_base.global_planner
         own = planner.smoother if isinstance(planner, SmoothedPlanner) else None
-        if own is None or name not in ("", "simple_smoother"):
-            try:
-                cls = SMOOTHERS.get(name if name not in ("", "simple_smoother") else "simple").cls
-            except InputError as exc:
-                raise tasks.InvalidChoiceError(exc.message, code=self.codes.first + 1) from exc
-            own = cls(cls.Params())
-        else:
-            own = type(own)(own.params)
-        _, costmap, footprint = self.copy.snapshot()
-        return own.smooth(path, costmap, footprint=footprint)
+        for choice in configured:
+            if name == choice.name or (not name and own is None):
+                return choice.cls(choice.params)
+        if own is not None and name in ("", "simple_smoother"):
+            return type(own)(own.params)
+        try:
+            cls = SMOOTHERS.get(name if name not in ("", "simple_smoother") else "simple").cls
+        except InputError as exc:
+            known = ", ".join(choice.name for choice in configured)
+            text = f"{exc.message}; smoother_plugins has {known}" if known else exc.message
+            raise tasks.InvalidChoiceError(text, code=self.codes.first + 1) from exc
+        return cls(cls.Params())
+
+    def _between(self, to: str, frame: str) -> Transform2D:
+        return self.navigator.inbox.call(lambda: self.navigator.robot.frames.lookup(to, frame))

@@ -82,6 +82,12 @@ def has_message(name: str) -> bool:
     return True
 
 
+def constants(cls: Any) -> frozenset[int]:
+    """Return the values of the integer constants of a message."""
+    values = (getattr(cls, name) for name in dir(type(cls)) if name.isupper() and not name.startswith("_"))
+    return frozenset(value for value in values if type(value) is int)
+
+
 def distro() -> str:
     """Return the distribution: ROS_DISTRO, else by what its messages have."""
     named = os.environ.get("ROS_DISTRO", "")
@@ -361,6 +367,10 @@ class RosNode:
                 self.log.logerr("%s: %s", name, exc)
             return response
 
+        self.serve_here(name, kind, answer)
+
+    def serve_here(self, name: str, kind: str, answer: Callable[[Any, Any], Any]) -> None:
+        """Offer a service: `answer(request, response)` returns the response, in the thread of rclpy."""
         cls = message(kind)
         self._kept.append(self.create(lambda: self.handle.create_service(cls, self._named(name), answer)))
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from navstack.core import Bounds, FrameError, Pose2D, Transform2D
+from navstack.core import Bounds, FrameError, InputError, Pose2D, Transform2D
 from navstack.costmap import LayeredCostmap
 from navstack.move_base import MoveBase, call, pose_cost
 from navstack.ros2 import ros
@@ -46,6 +46,9 @@ class Services:
         node.serve("is_path_valid", "nav2_msgs/srv/IsPathValid", inbox, self._validate)
 
     def _clear(self, costmap: LayeredCostmap, begin: str, request: Any, response: Any) -> None:
+        side = float(getattr(request, "reset_distance", 0.0))
+        if not side >= 0.0:
+            raise InputError(f"reset_distance must be 0 m or more, not {side:g}", reset_distance=side)
         names = [str(name) for name in getattr(request, "plugins", ())]
         if begin == "clear_entirely_" and not names:
             call(costmap, costmap.reset)
@@ -53,8 +56,7 @@ class Services:
             at = costmap.robot_pose(self._clock.now())
             if hasattr(request, "pose"):
                 at = self._in_frame(costmap, request.pose)
-            half = 0.5 * float(getattr(request, "reset_distance", 0.0))
-            square = Bounds(at.x, at.y, at.x, at.y).grown(half)
+            square = Bounds(at.x, at.y, at.x, at.y).grown(0.5 * side)
             for layer in costmap.layers:
                 wanted = layer.name.rsplit("/", 1)[-1] in names if names else layer.clearable
                 if wanted and begin == "clear_entirely_":

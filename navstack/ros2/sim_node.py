@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D
+from navstack.core import BatteryState, Pose2D
 from navstack.map_io import load_map
 from navstack.ros2 import ros
-from navstack.ros2.lifecycle import offer_state
+from navstack.ros2.lifecycle import offer_manager, offer_state
 from navstack.ros2.ros import Publisher, RosNode
 from navstack.ros_node import (
     START_NS,
@@ -34,11 +35,14 @@ from navstack.sim import World
 IMUS: Final = ("imu",)
 BATTERY_PERIOD_S: Final = 1.0
 EMPTY_AFTER_S: Final = 7200.0
-"""Time of operation (s) after which the battery is empty; it is charged again when the node starts."""
+"""Time of operation (s) after which a battery is empty that the parameters do not describe; it is full at the start."""
 VOLTAGE: Final = (11.1, 12.6)
 """Of an empty and of a full battery (V)."""
 SENSORS: Final = frozenset(("sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Range"))
-MAP_SUCCESS, MAP_INVALID_DATA = 0, 255
+CHARGING, DISCHARGING = 1, 2
+"""power_supply_status of sensor_msgs/BatteryState."""
+MAP_SUCCESS, MAP_DOES_NOT_EXIST, MAP_INVALID_DATA = 0, 1, 2
+"""Results of nav2_msgs/LoadMap."""
 
 
 class SimNode(SimLoop):
@@ -92,8 +96,11 @@ class SimNode(SimLoop):
         offer_state(node, inbox, "map_server")
         if is_localized:
             offer_state(node, inbox, "amcl")
+            offer_manager(node, "lifecycle_manager_localization", lambda: True)
             for name in ("reinitialize_global_localization", "request_nomotion_update"):
                 node.serve(name, "std_srvs/srv/Empty", inbox, _nothing)
+            if ros.has_message("nav2_msgs/srv/SetInitialPose"):
+                node.serve("set_initial_pose", "nav2_msgs/srv/SetInitialPose", inbox, self._on_set_pose)
 
     def _publish_map(self) -> None:
         self._map.publish(self.build.map(self.ns(self.robot.time), self._grid))
@@ -107,11 +114,15 @@ class SimNode(SimLoop):
     def _on_load_map(self, request: Any, response: Any) -> None:
         """Load a map file and publish it. The simulated world remains: only what the robot knows of it changes."""
         url = str(request.map_url).removeprefix("file://")
-        response.result = MAP_INVALID_DATA
+        response.result = MAP_INVALID_DATA if Path(url).expanduser().exists() else MAP_DOES_NOT_EXIST
         self._grid = dataclasses.replace(load_map(url), frame=self.names.map)
         self._publish_map()
         response.map = self.build.map(self.ns(self.robot.time), self._grid)
         response.result = MAP_SUCCESS
+
+    def _on_set_pose(self, request: Any, response: Any) -> None:
+        del response
+        self.receive_pose(request.pose)
 
     def _on_reset(self, request: Any, response: Any) -> None:
         del request, response
@@ -146,13 +157,16 @@ class SimNode(SimLoop):
         if now < self._battery_due:
             return
         self._battery_due = now + BATTERY_PERIOD_S
-        charge = max(0.0, 1.0 - now / EMPTY_AFTER_S)
+        charge, seen = max(0.0, 1.0 - now / EMPTY_AFTER_S), self.robot.battery_state
+        if seen is None:
+            seen = BatteryState(charge, 0.0, VOLTAGE[0] + charge * (VOLTAGE[1] - VOLTAGE[0]))
         battery = self.build.of(
             "sensor_msgs/msg/BatteryState",
             header=self.build.header(stamp_ns, self.names.base),
-            voltage=VOLTAGE[0] + charge * (VOLTAGE[1] - VOLTAGE[0]),
-            percentage=charge,
-            power_supply_status=2,  # discharging
+            voltage=seen.voltage,
+            current=seen.current,
+            percentage=seen.charge,
+            power_supply_status=CHARGING if seen.current > 0.0 else DISCHARGING,
             present=True,
         )
         self.publish("battery_state", "sensor_msgs/msg/BatteryState", battery)

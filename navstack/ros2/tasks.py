@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
+from pydantic import ValidationError
 
 from navstack.behavior_trees import BehaviorTreeError
 from navstack.behaviors import (
+    AssistedTeleop,
+    AssistedTeleopParams,
     BackUp,
     BackUpParams,
     DriveOnHeading,
@@ -24,10 +27,11 @@ from navstack.behaviors import (
 from navstack.bringup import FollowPath, PoseSequence, TargetPose, TaskResult
 from navstack.core import CollisionAheadError, FrameError, InputError, NavError, ParameterError, Path, Pose2D
 from navstack.move_base import GoalStatus, MotionHandle, MoveBase, TreeMoveBase
-from navstack.plugins import Behavior
+from navstack.plugins import Behavior, ParamModel
 from navstack.ros_messages import MessageBuilder, time_ns
 from navstack.ros_messages import messages as msg
 
+M = TypeVar("M", bound=ParamModel)
 SUCCEEDED, CANCELED, ABORTED = "succeeded", "canceled", "aborted"
 NAVIGATION_CODES: Final = range(9000, 9004)
 """Codes of Nav2's navigators; codes of planners and controllers pass through them."""
@@ -91,7 +95,12 @@ WAYPOINTS: Final = Codes(600)
 SPIN: Final = Codes(700, collision=3)
 BACK_UP: Final = Codes(710, invalid=3, collision=4)
 DRIVE: Final = Codes(720, collision=3, invalid=4)
+TELEOP: Final = Codes(730)
 WAIT: Final = Codes(740)
+
+
+FEEDBACK_S: Final = 0.1
+"""Time between two messages of feedback (s)."""
 
 
 class Task(ABC):
@@ -100,10 +109,19 @@ class Task(ABC):
     codes: Codes
     takes_over = False
     """True for a task that needs no wait for the end of another one."""
+    is_aside = False
+    """True for a task that does not move the robot: it runs besides the one that does."""
+    feedback_s = FEEDBACK_S
+    """Time between two messages of feedback (s)."""
 
     def __init__(self, goal: Any, move_base: MoveBase, build: MessageBuilder) -> None:
         self.goal, self.move_base, self.build = goal, move_base, build
         self.started_at = 0.0
+
+    @property
+    def drives(self) -> bool:
+        """True while the task has a goal of the goal manager; no motion can begin then."""
+        return self.takes_over
 
     def refusal(self, running: Task) -> str:
         """Return why this task cannot take over from a running one; empty if it can."""
@@ -312,8 +330,10 @@ class WaypointsTask(DriveTask):
 
     def begin(self, now: float) -> None:
         """Send the first waypoint."""
+        if not self.goal.poses:
+            raise InvalidChoiceError("the goal has no poses; give at least one", code=self.codes.first + 2)
         self.first = int(getattr(self.goal, "goal_index", 0))
-        if not 0 <= self.first < max(len(self.goal.poses), 1):
+        if not 0 <= self.first < len(self.goal.poses):
             raise InputError(f"goal_index {self.first} is not an index of the {len(self.goal.poses)} poses")
         self.loops = int(getattr(self.goal, "number_of_loops", 0))
         super().begin(now)
@@ -369,10 +389,10 @@ class TreeNotLoadedError(NavError):
 
 
 class MotionTask(Task):
-    """Spin, BackUp, DriveOnHeading, Wait and FollowPath."""
+    """Spin, BackUp, DriveOnHeading, AssistedTeleop, Wait and FollowPath."""
 
-    progress = ""
-    """Figure of the behavior that the feedback shows."""
+    configured: Mapping[type[Behavior], ParamModel] = {}
+    """Parameters of the behaviors of the configuration, by class; a goal overlays them."""
 
     def __init__(self, goal: Any, move_base: MoveBase, build: MessageBuilder) -> None:
         super().__init__(goal, move_base, build)
@@ -381,6 +401,16 @@ class MotionTask(Task):
     @abstractmethod
     def behavior(self) -> Behavior:
         """Return what to do. Raises a NavError for a goal that cannot be done."""
+
+    def params(self, of: type[Behavior], model: type[M], **given: Any) -> M:
+        """Return the parameters of a behavior: those of the configuration, overlaid. Raises InputError for wrong ones."""
+        known = self.configured.get(of)
+        try:
+            return model.model_validate({**({} if known is None else known.model_dump()), **given})
+        except ValidationError as exc:
+            first = exc.errors(include_url=False, include_context=False)[0]
+            name, said = str(first["loc"][0]), str(first["msg"]).removeprefix("Value error, ")
+            raise InputError(f"the goal is not valid: {name} = {first['input']}: {said}", parameter=name) from None
 
     def begin(self, now: float) -> None:
         """Start the motion."""
@@ -416,7 +446,8 @@ class SpinTask(MotionTask):
 
     def behavior(self) -> Behavior:
         """Return a turn by target_yaw."""
-        return Spin("spin", SpinParams(spin_dist=float(self.goal.target_yaw), **allowances(self.goal)))
+        given = {"spin_dist": float(self.goal.target_yaw), **allowances(self.goal)}
+        return Spin("spin", self.params(Spin, SpinParams, **given))
 
     def feedback(self, message: Any, now: float, stamp_ns: int) -> bool:
         """Fill the angle."""
@@ -434,8 +465,8 @@ class BackUpTask(MotionTask):
         """Return a drive backwards by the x of the target."""
         goal = self.goal
         distance, speed = straight_of(goal)
-        params = BackUpParams(backup_dist=abs(distance), backup_speed=abs(speed), **allowances(goal))
-        return BackUp("backup", params)
+        given = {"backup_dist": abs(distance), "backup_speed": abs(speed), **allowances(goal)}
+        return BackUp("backup", self.params(BackUp, BackUpParams, **given))
 
     def feedback(self, message: Any, now: float, stamp_ns: int) -> bool:
         """Fill the distance."""
@@ -452,8 +483,24 @@ class DriveOnHeadingTask(BackUpTask):
     def behavior(self) -> Behavior:
         """Return a drive by the x of the target."""
         distance, speed = straight_of(self.goal)
-        params = DriveOnHeadingParams(dist_to_travel=distance, speed=speed, **allowances(self.goal))
-        return DriveOnHeading("drive_on_heading", params)
+        given = {"dist_to_travel": distance, "speed": speed, **allowances(self.goal)}
+        return DriveOnHeading("drive_on_heading", self.params(DriveOnHeading, DriveOnHeadingParams, **given))
+
+
+class AssistedTeleopTask(MotionTask):
+    """AssistedTeleop: `cmd_vel_teleop` drives, `preempt_teleop` ends it."""
+
+    codes = TELEOP
+
+    def behavior(self) -> Behavior:
+        """Return the help for a person who drives."""
+        params = self.params(AssistedTeleop, AssistedTeleopParams, **allowances(self.goal))
+        return AssistedTeleop("assisted_teleop", params)
+
+    def feedback(self, message: Any, now: float, stamp_ns: int) -> bool:
+        """Fill the time since the start."""
+        message.current_teleop_duration = duration(self.build, now - self.started_at)
+        return True
 
 
 class WaitTask(MotionTask):
@@ -547,6 +594,7 @@ def duration(build: MessageBuilder, seconds: float) -> Any:
 class WorkTask(Task):
     """ComputePathToPose, ComputePathThroughPoses and SmoothPath: computed by a thread of their own."""
 
+    is_aside = True
     submit: Callable[[Callable[[], Any]], Future[Any]]
     """Runs a function in that thread."""
 

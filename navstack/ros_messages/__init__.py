@@ -3,6 +3,8 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from navstack.ros_messages.builder import LINE_LIST as LINE_LIST
+    from navstack.ros_messages.builder import SPHERE_LIST as SPHERE_LIST
     from navstack.ros_messages.builder import MessageBuilder as MessageBuilder
     from navstack.ros_messages.builder import published_costs as published_costs
     from navstack.ros_messages.messages import NS_PER_S as NS_PER_S

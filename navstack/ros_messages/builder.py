@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from navstack.core import (
     Costmap,
+    DockDetection,
     ImuReading,
     LaserScan,
     OccupancyGrid,
@@ -35,6 +36,10 @@ def published_costs() -> NDArray[np.int8]:
 
 
 _PUBLISHED: Final = published_costs()
+
+
+LINE_STRIP, LINE_LIST, SPHERE_LIST = 4, 5, 7
+"""Kinds of visualization_msgs/Marker."""
 
 
 class MessageBuilder:
@@ -78,6 +83,12 @@ class MessageBuilder:
     def pose_stamped(self, time_ns: int, frame: str, pose: Pose2D) -> Any:
         """Return a pose with a header."""
         return self.of("geometry_msgs/msg/PoseStamped", header=self.header(time_ns, frame), pose=self.pose(pose))
+
+    def detection(self, time_ns: int, found: DockDetection) -> Any:
+        """Return a PoseStamped of the marker of a dock."""
+        at = self.of("geometry_msgs/msg/Point", x=found.x, y=found.y, z=0.0)
+        pose = self.of("geometry_msgs/msg/Pose", position=at, orientation=self.quaternion(found.orientation))
+        return self.of("geometry_msgs/msg/PoseStamped", header=self.header(time_ns, found.frame), pose=pose)
 
     def transforms(self, items: Sequence[tuple[int, str, str, Transform2D, float]]) -> Any:
         """Return a TFMessage of (time, parent, child, transform, height)."""
@@ -317,6 +328,21 @@ class MessageBuilder:
         rgb: tuple[float, float, float] = (0.0, 0.45, 0.7),
     ) -> Any:
         """Return a MarkerArray with one line through points (n, >= 2)."""
+        marker = self.marker(time_ns, frame, name, points, kind=LINE_STRIP, size=0.02, rgb=rgb)
+        return self.of("visualization_msgs/msg/MarkerArray", markers=[marker])
+
+    def marker(
+        self,
+        time_ns: int,
+        frame: str,
+        name: str,
+        points: NDArray[np.float64],
+        *,
+        kind: int,
+        size: float,
+        rgb: tuple[float, float, float] = (0.0, 0.45, 0.7),
+    ) -> Any:
+        """Return a Marker of points (n, >= 2): LINE_STRIP, LINE_LIST or SPHERE_LIST, with lines and spheres of a `size` (m)."""
         color = self.of("std_msgs/msg/ColorRGBA", r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
         duration = {"sec": 0, "nanosec": 0}
         extra = (
@@ -334,15 +360,15 @@ class MessageBuilder:
                 "mesh_file": self.of("visualization_msgs/msg/MeshFile", filename="", data=np.empty(0, np.uint8)),
             }
         )
-        marker = self.of(
+        return self.of(
             "visualization_msgs/msg/Marker",
             header=self.header(time_ns, frame),
             ns=name,
             id=0,
-            type=4,  # LINE_STRIP
+            type=kind,
             action=0,
             pose=self.pose(Pose2D(0.0, 0.0)),
-            scale=self.vector(0.02, 0.0, 0.0),
+            scale=self.vector(size, *((size, size) if kind == SPHERE_LIST else (0.0, 0.0))),
             color=color,
             lifetime=self.of("builtin_interfaces/msg/Duration", **duration),
             frame_locked=False,
@@ -353,4 +379,3 @@ class MessageBuilder:
             mesh_use_embedded_materials=False,
             **extra,
         )
-        return self.of("visualization_msgs/msg/MarkerArray", markers=[marker])

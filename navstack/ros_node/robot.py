@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from navstack.core import FrameError, FrameTree, LogError, NavError, PointCloud, RobotState, SensorData, Twist2D
+from navstack.core import (
+    BatteryState,
+    DockDetection,
+    FrameError,
+    FrameTree,
+    LogError,
+    NavError,
+    PointCloud,
+    RobotState,
+    SensorData,
+    Twist2D,
+)
 from navstack.move_base import StaleOdometryError
 from navstack.ros_messages import StampedTransform, Transform3D, TransformTree
 from navstack.ros_messages import messages as ros
@@ -19,6 +31,8 @@ FUTURE_S: Final = 5.0
 AFTER_JUMP_S: Final = 0.5
 """The same, for `SETTLE_S` (s) after the clock jumped back."""
 SETTLE_S: Final = 2.0
+MOST_DETECTIONS: Final = 100
+"""Detections of docks that are kept until the next docking."""
 MOST_PROBLEMS: Final = 100
 """Reasons that are counted."""
 
@@ -38,6 +52,8 @@ class RosRobot:
         self._publish = publish
         self._odometry: RobotState | None = None
         self._scans: list[SensorData] = []
+        self._detections: deque[DockDetection] = deque(maxlen=MOST_DETECTIONS)
+        self._battery: BatteryState | None = None
         self.received: dict[str, float] = {}
         """Stamp (s) of the newest usable sensor data by topic."""
         self.problems: dict[str, int] = {}
@@ -113,6 +129,22 @@ class RosRobot:
         """Receive a sensor_msgs/Range."""
         self._add(ros.range_of(message, topic, self.clock.of(message.header.stamp)), topic)
 
+    def receive_detection(self, message: Any, topic: str) -> None:
+        """Receive the pose of a detected dock (geometry_msgs/PoseStamped)."""
+        at, turn = message.pose.position, ros.quaternion_of(message.pose.orientation)
+        stamp = self.clock.of(message.header.stamp)
+        self._check_stamp(stamp, f"a pose on {topic}")
+        found = DockDetection(
+            float(at.x), float(at.y), (turn.x, turn.y, turn.z, turn.w), stamp, ros.frame_of(message), topic
+        )
+        self._detections.append(found)
+        self.received[topic] = stamp
+
+    def receive_battery(self, message: Any) -> None:
+        """Receive a sensor_msgs/BatteryState."""
+        stamp = self.clock.of(message.header.stamp)
+        self._battery = BatteryState(float(message.percentage), float(message.current), float(message.voltage), stamp)
+
     def _add(self, data: SensorData, topic: str) -> None:
         self._scans.append(data)
         self.received[topic] = data.stamp
@@ -123,6 +155,7 @@ class RosRobot:
         self._settled_at = self.clock.now() + SETTLE_S
         self._odometry = None
         self._scans.clear()
+        self._detections.clear()
 
     def _problem(self, error: NavError) -> None:
         if len(self.problems) < MOST_PROBLEMS or error.message in self.problems:
@@ -146,6 +179,17 @@ class RosRobot:
         """Return the sensor data since the last call, oldest first."""
         found, self._scans = self._scans, []
         return found
+
+    def dock_detections(self) -> Sequence[DockDetection]:
+        """Return the detections of docks since the last call, oldest first."""
+        found = list(self._detections)
+        self._detections.clear()
+        return found
+
+    @property
+    def battery_state(self) -> BatteryState | None:
+        """The last state of the battery; None before the first one."""
+        return self._battery
 
     def command(self, twist: Twist2D) -> None:
         """Publish a velocity."""

@@ -187,6 +187,9 @@ class SimLoop(ABC):
         for reading in robot.imu_readings():
             message = self.names.rename(self.build.imu(self.ns(reading.stamp), reading))
             self.publish(reading.topic, "sensor_msgs/msg/Imu", message)
+        for found in robot.dock_detections():
+            message = self.names.rename(self.build.detection(self.ns(found.stamp), found))
+            self.publish(found.topic, msg.POSE, message)
         self.publish_more(self.ns(robot.time))
 
     def _publish_scans(self) -> None:

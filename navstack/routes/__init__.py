@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from navstack.routes.geojson import load_points as load_points
     from navstack.routes.geojson import parse_graph as parse_graph
     from navstack.routes.geojson import save_graph as save_graph
+    from navstack.routes.graph import MAX_ID_IN_MESSAGES as MAX_ID_IN_MESSAGES
     from navstack.routes.graph import Operation as Operation
     from navstack.routes.graph import RouteGraph as RouteGraph
     from navstack.routes.graph import build_graph as build_graph
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from navstack.routes.route import PlannedRoute as PlannedRoute
     from navstack.routes.route import Route as Route
     from navstack.routes.route import RouteParams as RouteParams
+    from navstack.routes.scorers import DynamicEdgesScorer as DynamicEdgesScorer
     from navstack.routes.scorers import EdgeScorer as EdgeScorer
     from navstack.routes.tracking import RouteOperation as RouteOperation
     from navstack.routes.tracking import TriggerEvent as TriggerEvent

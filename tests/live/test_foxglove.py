@@ -280,6 +280,26 @@ def test_parameters_are_read_and_changed(session: Session) -> None:
     served(session, body)
 
 
+def test_a_client_from_before_the_stage_gets_the_parameters(session: Session) -> None:
+    async def body() -> None:
+        foxglove = FoxgloveServer("127.0.0.1", 0, session.scenario.configuration)
+        try:
+            async with asyncio.timeout(LIMIT_S), aiohttp.ClientSession() as http:
+                url = f"ws://127.0.0.1:{foxglove.port}"
+                client = Client(await http.ws_connect(url, protocols=["foxglove.sdk.v1"]))
+                await client.until(lambda: client.info)
+                before = client.info["sessionId"]
+                foxglove.show(Stage([session], Options(fixed=False)), lambda: None)
+                await client.until(lambda: client.info["sessionId"] != before)
+                await client.send(op="getParameters", parameterNames=[], id="all")
+                await client.until(lambda: [t for t in client.texts if t["op"] == "parameterValues" and t["parameters"]])
+        finally:
+            foxglove.stop()
+
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, body()).result()
+
+
 def test_a_rewind_starts_a_new_session_of_foxglove_with_everything(session: Session) -> None:
     async def body(connect: Callable[[], Awaitable[Client]], server: LiveServer) -> None:
         client = await connect()

@@ -10,7 +10,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -65,9 +65,9 @@ class Graph:
         self._programs.append(program)
         return program
 
-    def navstack(self, *arguments: str) -> subprocess.Popen[bytes]:
+    def navstack(self, *arguments: str, **variables: str) -> subprocess.Popen[bytes]:
         """Start `navstack ros2 ...`."""
-        return self.start("-m", "navstack", "ros2", *arguments)
+        return self.start("-m", "navstack", "ros2", *arguments, **variables)
 
     def log_of(self, program: subprocess.Popen[bytes]) -> str:
         """Return the output of a program."""
@@ -77,17 +77,30 @@ class Graph:
         """Return the output of all programs."""
         return "".join(file.read_text(errors="replace")[-6000:] for file in sorted(self.folder.glob("*.log")))
 
+    def start_robot(
+        self,
+        sim: Sequence[str],
+        *navigators: Sequence[str],
+        ready: str = "the simulated robot is ready",
+        **variables: str,
+    ) -> list[subprocess.Popen[bytes]]:
+        """Start the simulated robot and navigators by its clock, all at once; return them when they are ready.
+
+        Arguments of ROS follow `--ros-args`; `variables` are those of the navigators.
+        """
+        programs = [self.navstack("sim", *sim)]
+        for given in navigators:
+            own, _, of_ros = "\0".join(given).partition("\0--ros-args\0")
+            more = (*PATIENT, "--ros-args", "-p", "use_sim_time:=true", *filter(None, of_ros.split("\0")))
+            programs.append(self.navstack("navigator", *own.split("\0"), *more, **variables))
+        self.wait_for_text(programs[0], ready)
+        for program in programs[1:]:
+            self.wait_for_text(program, "navstack is ready")
+        return programs
+
     def start_sim(self, *arguments: str, ros: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
         """Start the simulated robot, and wait until it is ready."""
-        program = self.navstack("sim", *arguments, *(("--ros-args", *ros) if ros else ()))
-        self.wait_for_text(program, "the simulated robot is ready")
-        return program
-
-    def start_navigator(self, *arguments: str, ros: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
-        """Start the navigator by the clock of the simulated robot, and wait until it is ready."""
-        program = self.navstack("navigator", *arguments, *PATIENT, "--ros-args", "-p", "use_sim_time:=true", *ros)
-        self.wait_for_text(program, "navstack is ready")
-        return program
+        return self.start_robot((*arguments, *(("--ros-args", *ros) if ros else ())))[0]
 
     def wait_for_text(self, program: subprocess.Popen[bytes], text: str) -> None:
         """Wait until a program has printed a text; fails if it ends before."""
@@ -131,8 +144,7 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     """The packaged turtlebot in the office, with the navigator, at up to FASTEST; tests leave it as it was."""
     graph = Graph(tmp_path_factory.mktemp("ros2"), number=101 + os.getpid() % 100)
     try:
-        graph.start_sim("office", "--clock", "--speed", paced(FASTEST))
-        graph.start_navigator("--params", "turtlebot")
+        graph.start_robot(("office", "--clock", "--speed", paced(FASTEST)), ("--params", "turtlebot"))
         yield graph
     finally:
         graph.close()

@@ -40,6 +40,8 @@ found["no frame"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45, frame="no
 found["seconds without a frame"] = 1e-9 * (node.get_clock().now().nanoseconds - before)
 found["no tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree="other.xml"))
 
+found["not finite"] = go.run(NavigateToPose.Goal(pose=stamped(float("nan"), 7.45)))
+
 tree = "navigate_to_pose_w_replanning_and_recovery"
 pathlib.Path(sys.argv[1] + ".xml").write_text("<root><BehaviorTree ID='Main'><Sequence_/></BehaviorTree></root>")
 found["wrong tree"] = go.run(NavigateToPose.Goal(pose=stamped(1.0, 7.45), behavior_tree=sys.argv[1] + ".xml"))
@@ -61,6 +63,7 @@ follow = Action(FollowWaypoints, "follow_waypoints")
 status, result = follow.end(follow.send(FollowWaypoints.Goal(poses=[stamped(3.8, 7.45), stamped(4.4, 7.45)])))
 found["waypoints"] = [status, result.error_code, len(result.missed_waypoints),
                       sorted({one.current_waypoint for one in follow.feedback})]
+found["no waypoints"] = follow.run(FollowWaypoints.Goal())
 """
 MOTIONS = """
 import math
@@ -76,11 +79,14 @@ spin_ = Action(Spin, "spin")
 found["spin"] = spin_.run(Spin.Goal(target_yaw=0.8, time_allowance=allowed))
 found["turned"] = max(one.angular_distance_traveled for one in spin_.feedback)
 found["spin too fast"] = spin_.run(Spin.Goal(target_yaw=6.0, time_allowance=Duration(sec=0, nanosec=200_000_000)))
+found["spin nan"] = spin_.run(Spin.Goal(target_yaw=float("nan"), time_allowance=allowed))
 found["turn back"] = spin_.run(Spin.Goal(target_yaw=-0.8, time_allowance=allowed))
 ahead = Action(DriveOnHeading, "drive_on_heading")
 found["ahead"] = ahead.run(DriveOnHeading.Goal(target=Point(x=0.3), speed=0.1, time_allowance=allowed))
 found["sideways"] = ahead.run(DriveOnHeading.Goal(target=Point(x=0.3, y=0.1), speed=0.1, time_allowance=allowed))
 found["other sign"] = ahead.run(DriveOnHeading.Goal(target=Point(x=0.3), speed=-0.1, time_allowance=allowed))
+found["ahead nan"] = ahead.run(DriveOnHeading.Goal(target=Point(x=float("nan")), speed=0.1, time_allowance=allowed))
+found["too far"] = ahead.run(DriveOnHeading.Goal(target=Point(x=1e30), speed=0.1, time_allowance=allowed))
 found["into a wall"] = ahead.run(DriveOnHeading.Goal(target=Point(x=30.0), speed=0.3, time_allowance=Duration(sec=200)))
 back = Action(BackUp, "backup")
 found["back"] = back.run(BackUp.Goal(target=Point(x=0.3), speed=0.1, time_allowance=allowed))
@@ -170,6 +176,8 @@ def test_goals_that_cannot_be_reached(drives: dict[str, Any]) -> None:
     assert drives["seconds without a frame"] < 5.0  # not after recoveries
     status, code, text = drives["no tree"]
     assert status == ABORTED and code == 9001 and "other.xml" in text
+    status, code, text = drives["not finite"]
+    assert status == ABORTED and code == 9000 and "finite" in text
 
 
 def test_a_goal_names_its_behavior_tree(drives: dict[str, Any]) -> None:
@@ -189,6 +197,7 @@ def test_drives_through_poses(drives: dict[str, Any]) -> None:
 
 def test_waypoints(drives: dict[str, Any]) -> None:
     assert drives["waypoints"] == [SUCCEEDED, 0, 0, [0, 1]]
+    assert drives["no waypoints"][:2] == [ABORTED, 602] and "no poses" in drives["no waypoints"][2]
 
 
 def test_motions(motions: dict[str, Any]) -> None:
@@ -201,6 +210,9 @@ def test_motions(motions: dict[str, Any]) -> None:
 
 def test_motions_that_cannot_be_done(motions: dict[str, Any]) -> None:
     assert motions["spin too fast"][:2] == [ABORTED, 700] and "time_allowance" in motions["spin too fast"][2]
+    assert motions["spin nan"][:2] == [ABORTED, 700] and "spin_dist = nan" in motions["spin nan"][2]
+    assert motions["ahead nan"][:2] == [ABORTED, 724] and "nan" in motions["ahead nan"][2]
+    assert motions["too far"][:2] == [ABORTED, 723]
     assert motions["sideways"][:2] == [ABORTED, 724] and "straight ahead" in motions["sideways"][2]
     assert motions["other sign"][:2] == [ABORTED, 724]
     assert motions["into a wall"][:2] == [ABORTED, 723] and motions["into a wall"][2]

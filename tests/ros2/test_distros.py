@@ -27,10 +27,6 @@ wait(handle.cancel_goal_async(), "cancel")
 found["canceled"] = go.end(handle)[0]
 call(ClearEntireCostmap, "local_costmap/clear_entirely_local_costmap", ClearEntireCostmap.Request())
 found["cleared"] = True
-"""
-DISTRO = """
-from geometry_msgs.msg import Twist, TwistStamped
-spin(lambda: node.get_publishers_info_by_topic("/cmd_vel"), "cmd_vel")
 found["cmd_vel"] = node.get_publishers_info_by_topic("/cmd_vel")[0].topic_type
 """
 TWO = """
@@ -78,13 +74,15 @@ def test_a_client_of_jazzy_and_a_server_of_kilted(office: Graph) -> None:
 
 
 def test_jazzy(tmp_path: Path) -> None:
-    """The navigator and the simulator run with Jazzy: Twist, poses in a list; clients of Kilted drive them."""
+    """The nodes run with Jazzy: Twist, poses in a list; a client of Kilted drives them. A misspelt parameter is reported."""
     graph = Graph(tmp_path, "jazzy")
     try:
-        graph.start_sim("office", "--clock", "--speed", paced(FASTEST))
-        graph.start_navigator("--params", "turtlebot")
-        assert graph.ask(DISTRO)["cmd_vel"] == "geometry_msgs/msg/Twist"
+        where = ("office", "--clock", "--speed", paced(FASTEST))
+        misspelt = ("--params", "turtlebot", "--ros-args", "-p", "DWAPlannerROS.sim_tme:=2.0")
+        navigator = graph.start_robot(where, misspelt)[1]
         found = graph.ask(GO, "2.0", of=new_environment("kilted"))
+        assert found["cmd_vel"] == "geometry_msgs/msg/Twist"
+        assert "did you mean sim_time" in " ".join(graph.log_of(navigator).split())
         assert found["go"] == [4, 0] and found["bad"] == [6, 204] and found["canceled"] == 5 and found["cleared"]
     finally:
         graph.close()
@@ -95,11 +93,12 @@ def test_two_robots(tmp_path: Path) -> None:
     graph = Graph(tmp_path)
     try:
         tf = ("-r", "/tf:=tf", "-r", "/tf_static:=tf_static")
-        graph.start_sim("office", "--clock", "--start", "1.0,7.45", ros=("-r", "__ns:=/robot1", *tf))
-        other = ("-p", "use_sim_time:=true", "-r", "__ns:=/robot2", *tf)
-        graph.start_sim("office", "--start", "8.0,7.4", ros=other)
-        for name in ("robot1", "robot2"):
-            graph.start_navigator("--params", "turtlebot", ros=("-r", f"__ns:=/{name}", *tf))
+        first, second = ("--ros-args", "-r", "__ns:=/robot1", *tf), ("--ros-args", "-r", "__ns:=/robot2", *tf)
+        other = graph.navstack("sim", "office", "--start", "8.0,7.4", *second, "-p", "use_sim_time:=true")
+        params = ("--params", "turtlebot")
+        where = ("office", "--clock", "--start", "1.0,7.45", "--speed", paced(2.0))
+        graph.start_robot((*where, *first), (*params, *first), (*params, *second))
+        graph.wait_for_text(other, "the simulated robot is ready")
         found = graph.ask(TWO)
         assert found["ends"] == [4, 4] and found["topics"] == [True, True]
         assert {"/robot1/navigator", "/robot2/navigator", "/robot1/navstack_sim", "/robot2/navstack_sim"} <= set(
@@ -114,11 +113,9 @@ def test_a_fleet_in_one_world(tmp_path: Path) -> None:
     graph, file = Graph(tmp_path), tmp_path / "fleet.yaml"
     file.write_text(FLEET)
     try:
-        program = graph.navstack("sim", str(file), "--clock", "--speed", paced(FASTEST))
-        graph.wait_for_text(program, "the simulated robots east, west are ready")
-        graph.start_navigator(
-            "--params", "turtlebot", ros=("-r", "__ns:=/east", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static")
-        )
+        east = ("--ros-args", "-r", "__ns:=/east", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static")
+        where = (str(file), "--clock", "--speed", paced(FASTEST))
+        graph.start_robot(where, ("--params", "turtlebot", *east), ready="the simulated robots east, west are ready")
         found = graph.ask(OF_FLEET)
     finally:
         graph.close()
@@ -131,14 +128,3 @@ def test_a_fleet_in_one_world(tmp_path: Path) -> None:
     assert not {"/scan", "/tf", "/map", "/odom"} & set(found["topics"])
     assert found["frames"] == ["base_footprint", "odom"]
     assert found["nodes"] == ["/east/navigator", "/navstack_sim"]
-
-
-def test_a_misspelt_parameter_of_ros(tmp_path: Path) -> None:
-    """`-p` overlays the files; a misspelt parameter is reported with the right name."""
-    graph = Graph(tmp_path)
-    try:
-        program = graph.navstack("navigator", "--params", "turtlebot", "--ros-args", "-p", "DWAPlannerROS.sim_tme:=2.0")
-        graph.wait_for_text(program, "sim_tme")
-        assert "sim_time" in graph.log_of(program)
-    finally:
-        graph.close()

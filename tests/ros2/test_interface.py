@@ -26,10 +26,12 @@ def quality(topic):
 
 names = ["/map", "/scan", "/odom", "/tf", "/tf_static", "/clock", "/cmd_vel", "/plan", "/local_plan", "/imu", "/battery_state",
          "/local_costmap/costmap", "/global_costmap/costmap", "/global_costmap/costmap_raw", "/global_costmap/costmap_updates",
-         "/local_costmap/published_footprint", "/amcl_pose", "/particle_cloud"]
+         "/local_costmap/published_footprint", "/amcl_pose", "/particle_cloud", "/global_costmap/costmap_raw_updates",
+         "/route_graph", "/marker", "/transformed_global_plan", "/bond"]
 spin(lambda: all(node.get_publishers_info_by_topic(name) for name in names), "publishers")
 found["topics"] = {name: quality(name) for name in names}
-inputs = ("/goal_pose", "/speed_limit", "/initialpose", "/cmd_vel", "/local_costmap/footprint")
+inputs = ("/goal_pose", "/speed_limit", "/initialpose", "/cmd_vel", "/local_costmap/footprint", "/cmd_vel_teleop",
+          "/preempt_teleop", "/battery_state")
 spin(lambda: all(node.get_subscriptions_info_by_topic(name) for name in inputs), "subscribers")
 def services(of):
     return {name for name, _ in node.get_service_names_and_types_by_node(of, "/")}
@@ -63,7 +65,7 @@ from geometry_msgs.msg import Point32, Polygon, PoseWithCovarianceStamped
 from nav_msgs.srv import GetMap
 from nav2_msgs.msg import SpeedLimit
 from nav2_msgs.srv import ClearCostmapAroundRobot, ClearCostmapExceptRegion, ClearEntireCostmap, GetCostmap, GetCosts
-from nav2_msgs.srv import IsPathValid, LoadMap
+from nav2_msgs.srv import IsPathValid, LoadMap, SetInitialPose
 from nav2_msgs.action import ComputePathToPose, NavigateToPose
 from nav_msgs.msg import Odometry, Path
 
@@ -88,6 +90,14 @@ grid = call(GetMap, "map_server/map", GetMap.Request()).map
 answer = call(LoadMap, "map_server/load_map", LoadMap.Request(map_url=sys.argv[2]))
 found["load map"] = [answer.result, answer.map.info.width == grid.info.width]
 found["load nothing"] = call(LoadMap, "map_server/load_map", LoadMap.Request(map_url="/nowhere/map.yaml")).result
+
+request = ClearCostmapAroundRobot.Request(reset_distance=float("nan"))
+call(ClearCostmapAroundRobot, "local_costmap/clear_around_local_costmap", request)
+place = PoseWithCovarianceStamped()
+place.header.frame_id = "map"
+place.pose.pose = stamped(1.4, 7.45).pose
+call(SetInitialPose, "set_initial_pose", SetInitialPose.Request(pose=place))
+spin(lambda: abs(robot()[0] - 1.4) < 0.05, "the pose of the service")
 
 # poses and goals of RViz
 poses = node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
@@ -156,6 +166,8 @@ found["atomic"] = [answer.successful, value(RADIUS)]
 LIFE_CYCLE = """
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
+from nav2_msgs.srv import ManageLifecycleNodes
+from std_srvs.srv import Trigger
 from nav2_msgs.action import NavigateToPose
 
 def state(name="navigator"):
@@ -173,6 +185,19 @@ states = call(GetAvailableStates, "navigator/get_available_states", GetAvailable
 found["states"] = {"unconfigured", "inactive", "active", "finalized"} <= {one.label for one in states}
 moves = call(GetAvailableTransitions, "navigator/get_available_transitions", GetAvailableTransitions.Request())
 found["transitions"] = sorted(one.transition.label for one in moves.available_transitions)
+
+# as RViz's panel of Nav2
+def manage(command):
+    name = "lifecycle_manager_navigation/manage_nodes"
+    return call(ManageLifecycleNodes, name, ManageLifecycleNodes.Request(command=command)).success
+
+def is_active(name):
+    return call(Trigger, f"lifecycle_manager_{name}/is_active", Trigger.Request()).success
+
+found["managed"] = [is_active("navigation"), is_active("localization"), manage(ManageLifecycleNodes.Request.STARTUP)]
+found["paused"] = [manage(ManageLifecycleNodes.Request.PAUSE), is_active("navigation"), state()]
+found["reset"] = [manage(ManageLifecycleNodes.Request.RESUME), manage(ManageLifecycleNodes.Request.RESET), state()]
+found["started"] = [manage(ManageLifecycleNodes.Request.STARTUP), is_active("navigation"), manage(77)]
 handle = go.send(goal)
 spin(lambda: go.feedback, "feedback")
 found["deactivate"] = [change(Transition.TRANSITION_DEACTIVATE), state(), state("bt_navigator")]
@@ -258,6 +283,10 @@ def test_topics_and_late_joiners(office: Graph) -> None:
     assert topics["/global_costmap/costmap_raw"] == ["nav2_msgs/msg/Costmap", "R", "T"]
     assert topics["/global_costmap/costmap_updates"] == ["map_msgs/msg/OccupancyGridUpdate", "R", "T"]
     assert topics["/local_costmap/published_footprint"] == ["geometry_msgs/msg/PolygonStamped", "R", "V"]
+    assert topics["/global_costmap/costmap_raw_updates"] == ["nav2_msgs/msg/CostmapUpdate", "R", "T"]
+    assert topics["/route_graph"] == ["visualization_msgs/msg/MarkerArray", "R", "T"]
+    assert topics["/marker"] == ["visualization_msgs/msg/MarkerArray", "R", "V"]
+    assert topics["/transformed_global_plan"][1:] == ["R", "V"] and topics["/bond"] == ["bond/msg/Status", "R", "V"]
     assert topics["/amcl_pose"] == ["geometry_msgs/msg/PoseWithCovarianceStamped", "R", "T"]
     assert topics["/particle_cloud"] == ["nav2_msgs/msg/ParticleCloud", "B", "V"]
     assert all(count == 1 for count in found["subscribed"].values()), found["subscribed"]
@@ -274,7 +303,8 @@ def test_services_and_messages_in(office: Graph) -> None:
     assert found["costmap"] == ["map", True]
     assert found["costs"][0][1] == -1.0 and 0.0 <= found["costs"][0][0] < 253.0 and not found["costs"][1]
     assert found["valid"] and found["through a wall"] == [False, 1]
-    assert found["load map"] == [0, True] and found["load nothing"] == 255
+    assert found["load map"] == [0, True] and found["load nothing"] == 1
+    assert "reset_distance must be 0 m or more, not nan" in office.output()
     free, slow, again = found["speeds"]
     assert slow <= 0.55 * free and again == pytest.approx(free, rel=0.1)
     assert found["placed"]
@@ -297,6 +327,8 @@ def test_life_cycle(office: Graph) -> None:
     found = office.ask(LIFE_CYCLE)
     assert found["parts"] == ["active"] * 5 and found["states"]
     assert "deactivate" in found["transitions"]
+    assert found["managed"] == [True, True, False] and found["paused"] == [True, False, "inactive"]
+    assert found["reset"] == [True, True, "unconfigured"] and found["started"] == [True, True, False]
     assert found["deactivate"] == [True, "inactive", "inactive"] and found["goal"] == 6
     assert found["rejected"] == ["rejected"]
     assert found["cleanup"] == [True, "unconfigured"] and not found["not allowed"]

@@ -16,8 +16,9 @@ from tests.ros2.conftest import FASTEST, Graph
 NAV2 = """
 from geometry_msgs.msg import Pose
 from rcl_interfaces.msg import Log
-from nav_msgs.msg import OccupancyGrid
-from nav2_msgs.action import ComputePathToPose, NavigateToPose
+from builtin_interfaces.msg import Duration
+from nav_msgs.msg import OccupancyGrid, Odometry
+from nav2_msgs.action import ComputePathToPose, NavigateToPose, Spin
 from nav2_msgs.msg import CostmapFilterInfo
 from nav2_msgs.srv import GetCosts
 from std_msgs.msg import Bool
@@ -56,6 +57,10 @@ spin(lambda: not states[-1], "the state outside of the mask")
 keepout = mask("keepout", 0, 100)
 spin(lambda: costs((6.0, 7.45))[0] >= 254.0, "the keepout mask in the costmap")
 found["beside"] = costs((3.0, 7.45))
+turns = []
+node.create_subscription(Odometry, "odom", lambda m: turns.append(m.twist.twist.angular.z), 10)
+found["spin"] = Action(Spin, "spin").run(Spin.Goal(target_yaw=0.5, time_allowance=Duration(sec=100)))[0]
+found["turned at"] = max(turns)
 plan = Action(ComputePathToPose, "compute_path_to_pose")
 found["plan"] = plan.run(ComputePathToPose.Goal(goal=stamped(6.0, 7.45)))[:2]
 """
@@ -85,6 +90,7 @@ def with_filters(folder: Path) -> Path:
     for name, topic in (("keepout", "/keepout_info"), ("binary", "/light_info")):
         plugin = f"nav2_costmap_2d::{name.capitalize()}Filter"
         costmap[f"{name}_filter"] = {"plugin": plugin, "enabled": True, "filter_info_topic": topic}
+    content["behavior_server"]["ros__parameters"]["max_rotational_vel"] = 0.4
     file = folder / "nav2_params.yaml"
     file.write_text(yaml.safe_dump(content))
     return file
@@ -94,12 +100,13 @@ def test_nav2s_parameters_and_costmap_filters_by_topic(tmp_path: Path) -> None:
     graph = Graph(tmp_path)
     try:
         params = str(with_filters(tmp_path))
-        graph.start_sim("office", "--params", params, "--start", "3.8,7.45", "--clock", "--speed", paced(FASTEST))
-        navigator = graph.start_navigator("--params", params)
+        where = ("office", "--params", params, "--start", "3.8,7.45", "--clock", "--speed", paced(FASTEST))
+        navigator = graph.start_robot(where, ("--params", params))[1]
         found = graph.ask(NAV2)
         assert max(found["free"]) < 253.0
         assert found["go"][:2] == found["through"][:2] == found["back"][:2] == [4, 0]
         assert "/light_info is of type 1, which is not for" in graph.log_of(navigator)
+        assert found["spin"] == 4 and 0.2 < found["turned at"] < 0.45  # the max_rotational_vel of behavior_server
         assert found["beside"][0] < 253.0 and found["plan"] == [6, 208]
     finally:
         graph.close()
@@ -113,20 +120,9 @@ def test_without_nav2_msgs(tmp_path: Path) -> None:
     (hidden / "__init__.py").write_text("raise ImportError('hidden')\n")
     path = graph.environment.variables(0)["PYTHONPATH"]
     try:
-        graph.start_sim("office", "--clock", "--speed", paced(FASTEST))
-        command = (
-            "-m",
-            "navstack",
-            "ros2",
-            "navigator",
-            "--params",
-            "turtlebot",
-            "--ros-args",
-            "-p",
-            "use_sim_time:=true",
-        )
-        navigator = graph.start(*command, PYTHONPATH=os.pathsep.join((str(hidden.parent), path)))
-        graph.wait_for_text(navigator, "navstack is ready")
+        hiding = os.pathsep.join((str(hidden.parent), path))
+        where = ("office", "--clock", "--speed", paced(FASTEST))
+        navigator = graph.start_robot(where, ("--params", "turtlebot"), PYTHONPATH=hiding)[1]
         found = graph.ask(WITHOUT)
         assert found["plans"] and found["costmap"]
         assert not [name for name in found["services"] if "costmap" in name]
