@@ -46,6 +46,8 @@ def check_rules(configuration: Configuration, consequences: Mapping[str, list[st
         )
     for one in list(RULES.values()):
         found += _findings(configuration, "", None, lambda one=one: one.issues(configuration), consequences)
+    if any(f.rule == "scoring-scale" for f in found):  # it names the same cause, with numbers
+        found = [f for f in found if f.rule != "dated-names"]
     return found
 
 
@@ -236,6 +238,66 @@ def footprint_is_given(configuration: Configuration) -> Iterator[Problem]:
             f"{radius:g} m; set robot_radius or footprint to those of the robot"
         )
         yield Problem((f"/{name}/plugins", f"/{name}/global_frame"), message)
+
+
+@rule("dated-names", "info")
+def names_tell_the_scoring(configuration: Configuration) -> Iterator[Problem]:
+    """Navigation 1.16.0 (2018-07-25) renamed the speeds of DWAPlannerROS (`max_trans_vel`, `max_rot_vel` and others) and
+    changed the scale of its scores. A file with the previous names only was tuned for the previous scale, in which
+    obstacles weigh a tenth at 0.05 m. With `ros_distro: noetic` the robot may stop or turn in place near obstacles.
+
+    Fix: `navstack: {ros_distro: indigo}` (`--distro indigo`), or the current names where the weights suit Noetic.
+    """
+    planner = configuration.local_planner
+    space = configuration.tree.space(planner.namespace)
+    if planner.name != "dwa" or space is None or configuration.navstack.ros_distro == "indigo":
+        return
+    former = [name for name in _SPEEDS_BEFORE_2018 if space.leaf(name) is not None]
+    if not former or any(space.leaf(name) is not None for name in _SPEEDS_BEFORE_2018.values()):
+        return
+    names = f"{former[0]} is a name" if len(former) == 1 else f"{' and '.join(former[:2])} are names"
+    message = (
+        f"{names} from before 2018, when obstacles weighed less against the path and the goal, but the weights are scored as "
+        "ros_distro noetic does; if the robot stops or turns in place near obstacles, set navstack/ros_distro to indigo "
+        "(--distro indigo)"
+    )
+    yield Problem((f"/{planner.namespace}/{former[0]}",), message)
+
+
+_SPEEDS_BEFORE_2018: Final = {
+    "max_trans_vel": "max_vel_trans",
+    "min_trans_vel": "min_vel_trans",
+    "max_rot_vel": "max_vel_theta",
+    "min_rot_vel": "min_vel_theta",
+    "rot_stopped_vel": "theta_stopped_vel",
+}
+"""Names of DWAPlannerROS that no release since navigation 1.16.0 reads -> its current names."""
+
+
+_MOST_PATH_PER_GOAL: Final = 3.0
+"""The turtlebot's weights, which drive, are 2.7."""
+_PATH_PER_GOAL: Final = 4.0 / 3.0
+"""The ratio of ROS's defaults before 2018, 32 and 24, from which most robots' weights come; 0.75 since then."""
+
+
+@rule("heavy-path", "info")
+def path_outweighs_the_goal(configuration: Configuration) -> Iterator[Problem]:
+    """`path_distance_bias` is more than three times `goal_distance_bias`: a trajectory that leaves the path by a cell costs
+    more than it gains by driving on, so the robot turns in place until it is aligned with each piece of the plan, or
+    stops where the plan bends.
+
+    Fix: about 4/3 of `goal_distance_bias`, the ratio of ROS's defaults before 2018.
+    """
+    planner = configuration.local_planner
+    path, goal = (getattr(planner.params, f"{what}_distance_bias", 0.0) for what in ("path", "goal"))
+    if path <= _MOST_PATH_PER_GOAL * goal or goal <= 0.0:
+        return
+    better = f"{_PATH_PER_GOAL * goal:.6g}"
+    message = (
+        f"path_distance_bias = {path:g} is {path / goal:.1f} times goal_distance_bias = {goal:g}: staying on the path "
+        f"outweighs progress, so the robot may turn in place or stop where the plan bends; set it to {better}"
+    )
+    yield Problem((f"/{planner.namespace}/path_distance_bias",), message, better)
 
 
 @rule("footprint-beside-center", "warning")

@@ -522,9 +522,28 @@ def _read_named(out: Sources, text: str) -> None:
         load_file(out, path, path_text, namespace)
     else:
         close = difflib.get_close_matches(path_text, packaged_sets(), n=1)
-        hint = f'did you mean "{close[0]}"?' if close else f"name a folder, a YAML file or {_sets()}"
+        hint = f'did you mean "{close[0]}"?' if close else _nearest_files(path)
         message = f'"{path_text}" is not a file, folder or packaged set; {hint}'
         out.add_finding("error", "no-source", Location(path_text), message, close[0] if close else None)
+
+
+def _nearest_files(path: Path) -> str:
+    """Return what to name instead of a path that does not exist: a similar file there, or else what the folder has."""
+    if len(path.parts) < 2 and not path.suffix:
+        return f"name a folder, a YAML file or {_sets()}"
+    folder = next((parent for parent in path.parents if exists(parent) and parent.is_dir()), Path())
+    where = "the current folder" if folder == Path() else f'"{folder}"'
+    if folder != path.parent:
+        return f"{where} has no {path.relative_to(folder).parts[0]}; correct the path"
+    try:
+        names = sorted(p.name for p in folder.iterdir() if p.suffix in (".launch", ".xml", ".yaml", ".yml"))
+    except OSError:
+        names = []
+    close = difflib.get_close_matches(path.name, names, n=1)
+    if close:
+        return f'did you mean "{folder / close[0]}"?'
+    some = f"{', '.join(names[:5])}{', ..' if len(names) > 5 else ''}" if names else "no launch file and no YAML file"
+    return f"{where} has {some}; correct the path"
 
 
 def _read_nav2_folder(out: Sources, folder: Path, shown: str) -> bool:

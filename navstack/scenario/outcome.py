@@ -88,10 +88,13 @@ EXPLAIN_FAILURES: Final = frozenset(
         "global-window",
         "slow-turn",
         "standing-sample",
+        "dated-names",
+        "heavy-path",
+        "default-footprint",
     }
 )
 """Rules of `navstack check` whose warning explains robots that stop, turn in place or circle around their goal."""
-_INFOS: Final = frozenset({"steep-inflation", "global-window", "standing-sample"})
+_INFOS: Final = frozenset({"steep-inflation", "global-window", "standing-sample", "dated-names", "heavy-path"})
 """Those of them that are no warning: most maps have room enough, or most robots drive well with them."""
 BACKWARD_M_S: Final = -0.01
 """A robot with a lower forward velocity drives backward; one that is slower both ways and turns, turns in place."""

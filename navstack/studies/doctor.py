@@ -34,10 +34,6 @@ LEAST_IDLE_S: Final = 10.0
 """.. if they turn in place or stand for half the time, for at least this much less (s), and take .."""
 LONGER: Final = 1.1
 """.. at most this many times as long."""
-MOST_PATH_PER_GOAL: Final = 3.0
-"""A path_distance_bias of more goal_distance_biases is a possible cause; the turtlebot's, which drives, is 2.7 of them."""
-PATH_PER_GOAL: Final = 4.0 / 3.0
-"""The ratio of ROS's defaults before 2018, 32 and 24, from which most robots' weights come; 0.75 since then."""
 SHORT_WINDOW_M: Final = 1.0
 """A plan that DWB sees this far ahead hardly leads around the end of a wall."""
 MOST_FIXES: Final = 3
@@ -243,13 +239,6 @@ def _scoring(configuration: Configuration) -> Iterator[Cause]:
         meant = "before 2018 (weights per cell)" if other == "indigo" else "after 2018 (weights per meter)"
         text = f"the weights of {planner.namespace} may be meant for the scoring of releases {meant}: ros_distro is {distro}"
         yield Cause("scoring-scale", text, {"navstack/ros_distro": other})
-    path, goal = (getattr(planner.params, f"{what}_distance_bias", 0.0) for what in ("path", "goal"))
-    if path > MOST_PATH_PER_GOAL * goal > 0.0:
-        name = f"{planner.namespace}/path_distance_bias"
-        text = (
-            f"{name} = {path:g} is {path / goal:.1f} times goal_distance_bias: staying on the path outweighs progress"
-        )
-        yield Cause("heavy-path", text, {name: round(PATH_PER_GOAL * goal, 6)})
     ahead = getattr(planner.params, "forward_prune_distance", 0.0)
     if getattr(planner.params, "until_kilted", False) and not 0.0 <= ahead <= SHORT_WINDOW_M:
         name = f"{planner.namespace}/forward_prune_distance"
@@ -334,6 +323,7 @@ _SUSPECTS: Final = (
 def _planner_values(configuration: Configuration) -> Iterator[Cause]:
     known = {p.name: p.value for p in parameters_of(configuration)}
     named = {
+        "heavy-path": f"{configuration.local_planner.namespace}/path_distance_bias",
         "standing-sample": f"{configuration.local_planner.namespace}/min_vel_x",
         "slow-turn": "oscillation_timeout",
     }

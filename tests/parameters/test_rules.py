@@ -120,6 +120,27 @@ def test_standing_still_is_a_sample_of_trajectory_rollout() -> None:
     assert "standing-sample" not in {f.rule for f in check_parameters([moving])}
 
 
+def test_previous_names_tell_of_the_scoring_of_before_2018() -> None:
+    one = found("dated-names", DWAPlannerROS={"max_trans_vel": 0.5, "max_rot_vel": 1.0})
+    assert one.severity == "info" and one.key == "DWAPlannerROS/max_trans_vel"
+    assert (
+        "max_trans_vel and max_rot_vel are names from before 2018" in one.message and "--distro indigo" in one.message
+    )
+    both = robot(DWAPlannerROS={"max_trans_vel": 0.5, "max_vel_theta": 1.0})
+    known = robot(DWAPlannerROS={"max_trans_vel": 0.5}, navstack={"ros_distro": "indigo"})
+    heavy = robot(DWAPlannerROS={**OLD, "max_trans_vel": 0.5}, local_costmap__resolution=0.05)
+    assert "scoring-scale" in {f.rule for f in check_parameters([heavy])}
+    for quiet in (both, known, heavy, robot(), robot(**ROLLOUT)):
+        assert "dated-names" not in {f.rule for f in check_parameters([quiet])}
+
+
+def test_a_path_that_outweighs_the_goal() -> None:
+    one = found("heavy-path", DWAPlannerROS={"path_distance_bias": 90.0, "goal_distance_bias": 24.0})
+    assert (one.severity, one.suggestion) == ("info", "32") and "is 3.8 times goal_distance_bias" in one.message
+    turtlebot = robot(DWAPlannerROS={"path_distance_bias": 64.0, "goal_distance_bias": 24.0})
+    assert "heavy-path" not in {f.rule for f in check_parameters([turtlebot])}
+
+
 def test_weights_that_are_large_on_both_scales_do_not_suggest_indigo() -> None:
     one = found("scoring-scale", DWAPlannerROS={**OLD, "occdist_scale": 50.0})
     assert "set navstack/ros_distro" not in one.message

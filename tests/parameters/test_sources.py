@@ -194,6 +194,24 @@ def test_missing_sources(tmp_path: Path) -> None:
     assert rules(str(empty)) == [("error", "no-source")]
 
 
+@pytest.mark.parametrize(
+    ("path", "hint"),
+    [
+        ("robot/launch/movebase.launch", 'did you mean "{0}/robot/launch/move_base.launch"?'),
+        ("robot/launch/x.yaml", '"{0}/robot/launch" has amcl.launch, move_base.launch; correct the path'),
+        ("robot/lanch/move_base.launch", '"{0}/robot" has no lanch; correct the path'),
+        ("robot/param/x.yaml", '"{0}/robot/param" has no launch file and no YAML file; correct the path'),
+    ],
+)
+def test_a_path_that_does_not_exist_names_what_is_there(tmp_path: Path, path: str, hint: str) -> None:
+    for name in ("launch/move_base.launch", "launch/amcl.launch", "param/readme.txt"):
+        file = tmp_path / "robot" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("<launch/>")
+    (found,) = read_sources([str(tmp_path / path)]).findings
+    assert found.message.endswith(hint.format(tmp_path))
+
+
 def test_the_packaged_sets_are_complete() -> None:
     assert "turtlebot" in packaged_sets()
     read = read_sources(["turtlebot"])
