@@ -53,6 +53,13 @@ FARTHEST_SENSOR_M: Final = 100.0
 NEAR_M: Final = 0.05
 NEAR_RAD: Final = 0.05
 """A scan within this motion from the last match keeps the odometry's pose: nothing is gained by matching it."""
+ACCELERATION: Final = 1.0
+TURN_ACCELERATION: Final = 2.0
+"""Standard deviations of the acceleration (m/s^2, rad/s^2) of a robot without odometry: it is expected to go on as it went."""
+VELOCITY_S: Final = 0.3
+"""Time over which its velocity is measured,"""
+UNKNOWN_S: Final = 1.0
+"""and after which it says nothing: the place of the robot must then be recognized, as that of a loop."""
 WIDE_RAD: Final = 2.6
 """A scan of at least this angle sees enough walls to recognize a place by itself."""
 PLACE_M: Final = 0.5
@@ -120,6 +127,21 @@ class Unfinished:
     """Number of loops that were decided."""
 
 
+class Lost(NamedTuple):
+    """A part of a log that has no odometry, and no scans that fit around the last known pose."""
+
+    known_until: float
+    """Stamp of the last scan before it that was placed (s)."""
+    until: float
+    """Stamp of the last scan that was not; if there was none, of the first one after a gap (s)."""
+    scans: int
+    """Number of scans that were not placed."""
+    keyframe: int
+    """The keyframe from which the last known pose is seen,"""
+    pose: Transform2D
+    """and that pose, in its frame."""
+
+
 @dataclass(slots=True)
 class Observations:
     """What the mapper noticed about its input, for the report."""
@@ -131,7 +153,9 @@ class Observations:
     jumps: list[tuple[float, Transform2D]] = field(default_factory=list[tuple[float, Transform2D]])
     """Stamp and step of odometry that jumped."""
     unmatched: list[tuple[float, int, float]] = field(default_factory=list[tuple[float, int, float]])
-    """Stamp, keyframe and response of scans that fit nothing before them."""
+    """Stamp, keyframe and response of scans that fit nothing before them; the odometry placed them."""
+    lost: list[Lost] = field(default_factory=list["Lost"])
+    """Parts in which nothing told where the robot was, in order."""
 
 
 class KeyframeStore:
@@ -250,6 +274,10 @@ class Mapper:
         self.track = array("d")
         """Stamp, number of the last keyframe, and the step from it (m, rad), of every scan that was used."""
         self._velocity = Transform2D()
+        """Per second, of a robot without odometry."""
+        self._known_at = 0.0
+        """Stamp of the last scan that was placed; earlier than the last one if the robot is lost."""
+        self._is_lost = False
         self._errors = UNCALIBRATED
         """Systematic errors of the odometry, by the last keyframes."""
         self._local: Surfaces | None = None
@@ -324,9 +352,8 @@ class Mapper:
             odom is not None and last_odometry is not None and not self._has_jumped(stamp, before, step, True)
         )
         if not has_odometry:
-            dt = stamp - before
-            v = self._velocity
-            step = Transform2D(v.x * dt, v.y * dt, v.yaw * dt) if dt < 1.0 else Transform2D()
+            dt = stamp - before if stamp - before < UNKNOWN_S else 0.0
+            step = Transform2D(*(dt * v for v in self._velocity))
         self._last = stamp, odom
         self._driven = self._driven @ step
         if has_odometry and self._errors.steps:
@@ -335,14 +362,18 @@ class Mapper:
         p = self.params
         far = self._is_far(self._moved)
         since = self._matched.inverse() @ self._moved
-        if has_odometry and not far and math.hypot(since.x, since.y) < NEAR_M and abs(since.yaw) < NEAR_RAD:
+        if has_odometry and not self._is_lost and not far and math.hypot(since.x, since.y) < NEAR_M and abs(since.yaw) < NEAR_RAD:
             self._passed(stamp)
             return MatchResult(stamp, self.pose or Pose2D(0.0, 0.0))
         surface = points_of(_expand(scan), mounting, p.max_laser_range)
+        is_guess = not has_odometry or self._is_lost
         if len(surface) < FEWEST_POINTS:
-            self._passed(stamp)
+            if is_guess:
+                self._lose(stamp)
+            else:
+                self._passed(stamp)
             return self._rejected(stamp, f"fewer than {FEWEST_POINTS} points, so it cannot be matched")
-        return self._match(stamp, scan, mounting, surface, step if not has_odometry else None)
+        return self._match(stamp, scan, mounting, surface, is_guess)
 
     def finish(self) -> None:
         """Decide what is pending, and refine the poses.
@@ -403,6 +434,7 @@ class Mapper:
             "driven": list(self._driven),
             "matched": list(self._matched),
             "velocity": list(self._velocity),
+            "known": [self._known_at, self._is_lost],
             "odometry_errors": [*self._errors[:3], self._errors.steps],
             "intervals": list(self._intervals),
             "decided": None if self.unfinished is None else self.unfinished.decided,
@@ -435,6 +467,7 @@ class Mapper:
         self._last = None if last is None else (last[0], None if last[1] is None else Transform2D(*last[1]))
         self._moved, self._driven = Transform2D(*state["moved"]), Transform2D(*state["driven"])
         self._matched, self._velocity = Transform2D(*state["matched"]), Transform2D(*state["velocity"])
+        self._known_at, self._is_lost = state["known"]
         scale, turn_scale, curve, count = state["odometry_errors"]
         self._errors = UNCALIBRATED._replace(scale=scale, turn_scale=turn_scale, curve=curve, steps=count)
         self._intervals.extend(state["intervals"])
@@ -497,43 +530,55 @@ class Mapper:
         scan: LaserScan,
         sensor: Transform2D,
         surface: NDArray[np.float64],
-        guessed: Transform2D | None,
+        is_guess: bool,
     ) -> MatchResult:
-        """Match a scan with the last keyframes; make it a keyframe if the robot has moved. `guessed`: a step not by odometry."""
+        """Match a scan with the last keyframes; make it a keyframe if the robot has moved.
+
+        `is_guess`: the step was not by odometry. A scan that fits nothing is then not used.
+        """
         p, last = self.params, self._reference
         start = self._keyframe_pose(last)
         predicted = start @ self._moved
         since = self._matched.inverse() @ self._moved
         moved, turned = math.hypot(since.x, since.y), abs(since.yaw)
-        if guessed is None:
+        if is_guess:
+            dt = stamp - self._known_at
+            spread = 0.5 * dt * (dt + VELOCITY_S)
+            sigma = 0.05 + ACCELERATION * spread, 0.05 + TURN_ACCELERATION * spread
+        else:
             sigma = (
                 0.03 + p.odometry_distance_error * moved + 0.02 * turned,
                 0.02 + p.odometry_heading_error * turned + 0.03 * moved,
             )
-        else:
-            sigma = 0.1 + 0.3 * math.hypot(guessed.x, guessed.y), 0.1 + 0.3 * abs(guessed.yaw)
         sigma = sigma[0] + min(FOLLOWED_DRIFT * self._open_m, MOST_FOLLOWED_DRIFT_M), sigma[1]
-        match = self._best_match(surface, predicted, sigma, widely=guessed is not None)
+        is_unknown = is_guess and (self._is_lost or stamp - self._known_at >= UNKNOWN_S)
+        if is_unknown:
+            match = self._recognized(Scene(surface, np.array([sensor.x, sensor.y]), predicted), start, sigma)
+        else:
+            match = self._best_match(surface, predicted, sigma, widely=is_guess)
         fits = match.response >= p.link_match_minimum_response_fine
         prior = _prior(predicted, sigma)
+        if not fits and is_guess:
+            self._lose(stamp)
+            reason = "it fits nothing around the last known pose, and no odometry says where the robot is"
+            return MatchResult(stamp, self.pose or Pose2D(*predicted), None, match.response, rejected=reason)
         if not fits:
             self.observations.unmatched.append((stamp, len(self.keyframes), match.response))
             match = match._replace(pose=np.array(predicted), hessian=prior)
         pose = Transform2D(float(match.pose[0]), float(match.pose[1]), normalize_angle(float(match.pose[2])))
         relative = start.inverse() @ pose
         correction = predicted.inverse() @ pose
-        if guessed is not None:
-            stamp_before, k_before, *made_before = self.track[-5:]
-            dt = max(stamp - stamp_before, 1e-3)
-            made = (self._keyframe_pose(int(k_before)) @ Transform2D(*made_before)).inverse() @ pose
-            self._velocity = Transform2D(made.x / dt, made.y / dt, made.yaw / dt) if fits else Transform2D()
+        if is_unknown:
+            self._note_lost(stamp, 0)
+        if is_guess:
+            self._velocity = Transform2D() if self._is_lost else self._velocity_to(stamp, pose)
         if not self._is_far(relative):
             self._moved = self._matched = relative
             self._passed(stamp)
             return MatchResult(stamp, Pose2D(*pose), None, match.response, correction)
         if fits and p.keyframes_per_place and self._follow(stamp, surface, pose, (predicted, prior)):
             return MatchResult(stamp, self.pose or Pose2D(*pose), None, match.response, correction)
-        driven = self._driven if guessed is None else relative
+        driven = relative if is_guess else self._driven
         if last != len(self.keyframes) - 1:
             self._starts.append(len(self.keyframes))
         away = self._open_m + math.hypot(relative.x, relative.y) + 0.3 * abs(relative.yaw)
@@ -545,6 +590,30 @@ class Mapper:
         if len(self.steps) % CALIBRATION_INTERVAL == 0:
             self._calibrate()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
+
+    def _lose(self, stamp: float) -> None:
+        """Do not use a scan, because nothing tells where the robot is."""
+        self._note_lost(stamp, 1)
+        self._is_lost, self._velocity = True, Transform2D()
+
+    def _note_lost(self, stamp: float, scans: int) -> None:
+        """Note that nothing but the scan of this stamp tells where the robot is; `scans`: how many more are not used."""
+        lost = self.observations.lost
+        if not self._is_lost:
+            *_, keyframe, x, y, yaw = self.track[-5:]
+            lost.append(Lost(self._known_at, stamp, 0, int(keyframe), Transform2D(x, y, yaw)))
+        elif scans:
+            lost[-1] = lost[-1]._replace(until=stamp)
+        lost[-1] = lost[-1]._replace(scans=lost[-1].scans + scans)
+
+    def _velocity_to(self, stamp: float, pose: Transform2D) -> Transform2D:
+        """Return the velocity (per second) with which a pose was reached, over `VELOCITY_S` or since the last scan."""
+        for n in range(len(self.track) - 5, -1, -5):
+            before, keyframe, *seen = self.track[n : n + 5]
+            if stamp - before >= VELOCITY_S or n == 0 or stamp - self.track[n - 5] > 2.0 * VELOCITY_S:
+                made = (self._keyframe_pose(int(keyframe)) @ Transform2D(*seen)).inverse() @ pose
+                return Transform2D(*(v / max(stamp - before, 1e-3) for v in made))
+        return Transform2D()
 
     def _best_match(
         self, surface: NDArray[np.float64], predicted: Transform2D, sigma: tuple[float, float], *, widely: bool
@@ -563,12 +632,22 @@ class Mapper:
         prior = _prior(predicted, sigma)
         match = self._local.align(surface, found, (predicted, prior))
         if match.response < 0.5:
-            half, gain = ((2.0, 1.2), 0.15) if widely else ((0.4, 0.5), 0.2)
+            half, gain = ((min(4.0 * sigma[0], 2.0), min(4.0 * sigma[1], 1.2)), 0.15) if widely else ((0.4, 0.5), 0.2)
             found, _ = self._local.search(surface, predicted, half_m=half[0], half_rad=half[1], sigma=half)
             wide = self._local.align(surface, found)
             if wide.response > match.response + gain:
                 return wide
         return match
+
+    def _recognized(self, scene: Scene, start: Transform2D, sigma: tuple[float, float]) -> Match:
+        """Return the match of a scan whose place is unknown with the last keyframes; its response is 0 if there is a doubt."""
+        if self._local is None:
+            self._local = self._surfaces(self._recent)
+        drift = min(4.0 * sigma[0], 0.5 * self.params.loop_search_space_dimension), min(4.0 * sigma[1], math.pi)
+        chain = [self._scene(k) for k in self._recent]
+        _, pose, _, why_not = compare(scene, chain, start, drift, self.params)
+        match = self._local.align(scene.surface, pose)
+        return match._replace(response=0.0) if why_not else match
 
     def _add_keyframe(self, stamp: float, scan: LaserScan, sensor: Transform2D, pose: Transform2D) -> int:
         k = self.keyframes.add(scan, sensor)
@@ -660,6 +739,7 @@ class Mapper:
 
     def _passed(self, stamp: float) -> None:
         """Keep the place of a scan: its stamp, the last keyframe, and the step from there."""
+        self._known_at, self._is_lost = stamp, False
         self.track.extend((stamp, self._reference, *self._moved))
 
     def _keyframe_pose(self, k: int) -> Transform2D:

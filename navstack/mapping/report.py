@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from navstack.core import Transform2D, normalize_angle
-from navstack.mapping.mapper import Mapper
+from navstack.mapping.mapper import Lost, Mapper
 from navstack.mapping.matching import Surfaces
 
 CONTRADICTION_SIGMAS: Final = 5.0
@@ -80,6 +80,7 @@ def report_document(mapper: Mapper) -> dict[str, Any]:
     """Return the report of a finished mapping for JSON; `lines` are sentences for people."""
     seen = mapper.observations
     stamps, _ = mapper.trajectory()
+    end = mapper.last_stamp if mapper.last_stamp is not None else -math.inf
     accepted = [loop for loop in mapper.loops if loop.accepted]
     drift = _drift(mapper)
     mounting = judge_mounting(mapper)
@@ -102,6 +103,7 @@ def report_document(mapper: Mapper) -> dict[str, Any]:
             "decisions": [_loop_document(loop) for loop in mapper.loops],
         },
         "unmatched": [{"stamp": t, "keyframe": k, "response": r} for t, k, r in seen.unmatched],
+        "lost": [_lost_document(mapper, each, end) for each in seen.lost],
         "rejected_scans": {reason: len(when) for reason, when in seen.rejected.items()},
         "gaps": [list(gap) for gap in seen.gaps],
         "odometry_jumps": [[t, *step] for t, step in seen.jumps],
@@ -161,11 +163,42 @@ def _loop_document(loop: Any) -> dict[str, Any]:
     }
 
 
+def _lost_document(mapper: Mapper, lost: Lost, end: float) -> dict[str, Any]:
+    """Return a part in which the robot was lost, for JSON; `end`: stamp of the last scan (s)."""
+    pose = Transform2D(*mapper.graph.poses[lost.keyframe].tolist()) @ lost.pose
+    return {
+        "known_until": lost.known_until,
+        "until": lost.until,
+        "scans": lost.scans,
+        "pose": list(pose),
+        "to_the_end": lost.until >= end,
+    }
+
+
 def _lines(mapper: Mapper, d: dict[str, Any], mounting: Mounting) -> list[str]:
     lines = [
         f"{d['scans']} scans in {d['duration_s']:.0f} s, {d['keyframes']} keyframes on {d['path_m']:.1f} m of path",
-        f"loops: {d['loops']['accepted']} accepted, {d['loops']['rejected']} rejected",
     ]
+    for part in d["lost"][:_SHOWN]:
+        x, y, _ = part["pose"]
+        n, known, until = part["scans"], part["known_until"], part["until"]
+        where = f"near ({x:.2f}, {y:.2f})"
+        if n == 0:
+            lines.append(
+                f"no odometry tells how the robot moved from {known:.1f} to {until:.1f} s {where}: the place after it was "
+                "recognized by one scan"
+            )
+            continue
+        end = "to the end of the log" if part["to_the_end"] else f"to {until:.1f} s"
+        lines.append(
+            f"tracking lost at {known:.1f} s {where}: the scans fit nothing around, and there is no odometry; "
+            f"{n} scan{'s' * (n != 1)} {end} {'are' if n != 1 else 'is'} not in the map"
+        )
+    if d["lost"]:
+        lines.append(
+            "  the map may be wrong from there on: record odometry, or drive and turn more slowly, so that scans overlap"
+        )
+    lines.append(f"loops: {d['loops']['accepted']} accepted, {d['loops']['rejected']} rejected")
     lines += [f"  rejected {n} time{'s' * (n != 1)}: {why}" for why, n in d["loops"]["why_rejected"].items()]
     if d["followed_m"] > 0.0:
         lines.append(f"known places: {d['followed_m']:.1f} m of the path needed no new keyframes")

@@ -15,11 +15,11 @@ from pydantic import ValidationError
 
 from navstack.core import LogError, Transform2D, atomic_write, jsonable, read_arrays
 from navstack.mapping.loops import Loop
-from navstack.mapping.mapper import Mapper, Observations, Step
+from navstack.mapping.mapper import Lost, Mapper, Observations, Step
 from navstack.mapping.params import MapperParams
 from navstack.mapping.pose_graph import Edge
 
-FORMAT: Final = 3
+FORMAT: Final = 4
 MAX_BYTES: Final = 4_000_000_000
 _ARRAYS: Final = ("ranges", "lengths", "poses", "unfinished", "edges", "information", "track", "document")
 
@@ -98,6 +98,7 @@ def _restored(arrays: Any, document: dict[str, Any]) -> Mapper:
         [(a, b) for a, b in seen["gaps"]],
         [(stamp, Transform2D(*step)) for stamp, step in seen["jumps"]],
         [(stamp, k, response) for stamp, k, response in seen["unmatched"]],
+        [Lost(known, until, scans, k, Transform2D(*pose)) for known, until, scans, k, pose in seen["lost"]],
     )
     mapper.track = array("d", arrays["track"].tobytes())
     state = document["state"]

@@ -64,6 +64,49 @@ def test_scans_alone_suffice_where_they_overlap() -> None:
     assert worst_error(mapped(blind=True)) < 0.2
 
 
+def test_scans_alone_suffice_at_uneven_times() -> None:
+    mapper = Mapper()
+    rng, stamp, truth = np.random.default_rng(3), 0.0, []
+    for frame, pose in lap():
+        stamp += float(rng.choice([0.07, 0.14, 0.15, 0.29]))
+        mapper.add_scan(stamp, None, frame.scan)
+        truth.append(lap()[0][1].inverse() @ pose)
+    mapper.finish()
+    _, poses = mapper.trajectory()
+    assert float(np.hypot(*(poses - np.array(truth))[:, :2].T).max()) < 0.1
+    assert not mapper.observations.lost
+
+
+@pytest.mark.parametrize("first", [40, 60, 100])
+def test_without_odometry_a_gap_is_never_passed_in_silence(first: int, tmp_path: Path) -> None:
+    """The sides of the block look alike, so a place after a gap may be taken for another one."""
+    mapper = Mapper()
+    for n, (frame, _) in enumerate(lap()):
+        if not first <= n < first + 40:
+            mapper.add_scan(frame.scan.stamp, None, frame.scan)
+    mapper.finish()
+    assert mapper.observations.lost[0].known_until == pytest.approx(0.2 * (first - 1))
+    words = "tracking lost at", "no odometry tells how the robot moved from"
+    lines = [line for line in report_document(mapper)["lines"] if line.startswith(words)]
+    assert f"{0.2 * (first - 1):.1f}" in lines[0]
+    assert load_session(save_session(mapper, tmp_path / "a.npz")).observations == mapper.observations
+
+
+def test_scans_that_fit_nothing_are_not_placed_without_odometry_until_they_fit_again() -> None:
+    mapper, scans = Mapper(), [frame.scan for frame, _ in lap()]
+    elsewhere = dataclasses.replace(scans[0], ranges=(1.0 + 0.3 * np.sin(np.arange(181.0))).astype(np.float32))
+    for n, scan in enumerate(scans):
+        mapper.add_scan(0.2 * n, None, elsewhere if 100 <= n < 105 else scan)
+    mapper.finish()
+    (lost,) = mapper.observations.lost
+    assert (lost.scans, lost.until) == (5, pytest.approx(20.8))
+    stamps, poses = mapper.trajectory()
+    truth = lap()[0][1].inverse().apply_poses(np.array([pose for _, pose in lap()]))
+    assert len(stamps) == len(scans) - 5
+    assert float(np.hypot(*(poses - truth[np.rint(stamps / 0.2).astype(int)])[:, :2].T).max()) < 0.2
+    assert "5 scans to 20.8 s are not in the map" in "\n".join(report_document(mapper)["lines"])
+
+
 def test_the_map_has_the_walls_where_they_are(finished: Mapper) -> None:
     import shapely
 

@@ -70,12 +70,15 @@ def wean(path: Path) -> Iterator[LoggedScan]:
 
 
 def mines(path: Path) -> Iterator[LoggedScan]:
-    """Mines ParisTech: one line a scan with wheel encoders and 682 ranges in millimeters over 240 degrees."""
+    """Mines ParisTech: one line a scan with wheel encoders and 682 ranges in millimeters over 240 degrees.
+
+    2000 counts are a turn of the wheel. Published readers write pi / 2000 rad, and then add both wheels without halving the sum.
+    """
     odometry, last = Transform2D(), None
     for n, fields in enumerate(_rows(path)):
         v = np.array(fields, np.float64)
         if last is not None:
-            left, right = ((v[k] - last[k]) * math.pi / 2000.0 * 0.077 for k in (2, 3))
+            left, right = ((v[k] - last[k]) * math.tau / 2000.0 * 0.077 for k in (2, 3))
             turn, ahead = (right - left) / (2.0 * 0.165), 0.5 * (left + right)
             odometry = odometry @ Transform2D(ahead * math.cos(0.5 * turn), ahead * math.sin(0.5 * turn), turn)
         last = v
