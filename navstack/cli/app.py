@@ -253,6 +253,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["--help", "-h"]},  # the commands inherit it
     help="move_base without ROS: plan paths, simulate and diagnose navigation with the YAML files of your robot.",
     epilog="Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; "
     "70 internal error; 130 interrupted.",

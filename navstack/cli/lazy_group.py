@@ -29,6 +29,10 @@ class Command(_HidesTypesOfFlags, TyperCommand):
     """A command."""
 
 
+class Group(_HidesTypesOfFlags, TyperGroup):
+    """A group of commands that are imported together."""
+
+
 class LazyCommand(NamedTuple):
     """Where a command is, and its line in the help of its group: the first sentence of its own help."""
 
@@ -45,6 +49,8 @@ class LazyCommand(NamedTuple):
         if isinstance(found, typer.Typer):
             for registered in found.registered_commands:
                 registered.cls = Command if registered.cls in (None, TyperCommand) else registered.cls
+            if not isinstance(found.info.cls, type):  # a lazy group has a class of its own
+                found.info.cls = Group
             command: Any = get_group(found)
         else:
             application = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)

@@ -24,17 +24,13 @@ from navstack.live import (
     MAX_SPEED,
     FleetSession,
     FoxgloveServer,
-    Gate,
     GraphEditor,
-    LiveServer,
     LoggedSession,
     Options,
     Origin,
     Report,
     Session,
     Stage,
-    is_loopback,
-    serve,
 )
 from navstack.map_io import map_names
 from navstack.parameters import Configuration, short_name
@@ -217,6 +213,8 @@ def _speed(text: str) -> float | None:
 def _serve(prepared: _Preparation, live: LiveOptions) -> int:
     import asyncio
     import signal
+
+    from navstack.live import Gate, LiveServer, is_loopback, serve  # need aiohttp
 
     foxglove = None
     port = PORT if live.port is None else live.port

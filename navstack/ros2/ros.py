@@ -50,7 +50,7 @@ def load(module: str) -> Any:
     except ImportError as exc:
         package = module.partition(".")[0]
         if package == "rclpy" or not has_module("rclpy"):
-            raise NotSupportedError(f"ROS 2 is not there (no {package}): {SOURCE}", module=module) from exc
+            raise NotSupportedError(f"ROS 2 was not found (no {package}): {SOURCE}", module=module) from exc
         advice = MESSAGES.format(package.replace("_", "-"))
         raise NotSupportedError(f"the package {package} of ROS 2 is missing: {advice}", module=module) from exc
 

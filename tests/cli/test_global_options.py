@@ -114,3 +114,10 @@ def test_completion(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtur
         with pytest.raises(SystemExit):
             run([])
         assert capfd.readouterr().out.split() == expected
+
+
+def test_h_is_help(capfd: pytest.CaptureFixture[str]) -> None:
+    for command in (["-h"], ["move", "-h"], ["ros1", "-h"]):
+        assert run(command) == 0
+        shown = capfd.readouterr().out
+        assert "Usage: navstack" in shown and "<bool>" not in shown

@@ -34,3 +34,20 @@ def test_the_help_imports_no_command() -> None:
     assert "Plan a path on a map" in done.stdout
     loaded = set(done.stderr.split())
     assert not {"numpy", "numba", "pydantic", "navstack.core", "navstack.cli.plan", "navstack.cli.ros1"} & loaded
+
+
+def test_the_commands_load_without_the_extras() -> None:
+    """Their help is there after `pip install .`, and a command that needs an extra says which one."""
+    extras = ("aiohttp", "optuna", "dask", "distributed", "rosbags", "mcap", "foxglove", "gymnasium", "paho", "ruamel")
+    code = f"""
+import sys
+sys.modules.update(dict.fromkeys({extras}))
+from navstack.cli.app import command_tree, run
+command_tree()
+sys.exit(run(["live"]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert "navstack live needs aiohttp, which is not installed; install the extra `live`" in " ".join(
+        done.stderr.split()
+    )

@@ -1,4 +1,7 @@
-"""MkDocs hook: generate `reference/cli.md` from the typer application, so that the page always matches `navstack --help`."""
+"""MkDocs hook: generate the command reference from the typer application, so that it always matches `navstack --help`.
+
+`reference/cli.md` lists the commands; each has a page of its own, with its subcommands.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,13 @@ import typer
 from mkdocs.structure.files import File, Files
 
 PAGE = "reference/cli.md"
+FOLDER = "reference/cli"
 INTRODUCTION = """# Command reference
 
 Generated from the commands. [Commands by task](commands.md) gives an overview, exit codes and file formats.
 
+| command | what it does |
+|---|---|
 """
 
 
@@ -57,16 +63,25 @@ def _section(path: str, context: Any, command: Any, level: int) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def page() -> str:
-    """The Markdown of the command reference."""
+def pages() -> dict[str, str]:
+    """The Markdown of the command reference: page -> text."""
     from navstack.cli.app import command_tree
 
-    command = command_tree()
-    context = typer.Context(command, info_name="navstack")
-    return INTRODUCTION + _section("navstack", context, command, 2) + "\n"
+    tree = command_tree()
+    root = typer.Context(tree, info_name="navstack")
+    rows: list[str] = []
+    found: dict[str, str] = {}
+    for name, command in sorted(tree.commands.items()):
+        context = typer.Context(command, info_name=name, parent=root)
+        found[f"{FOLDER}/{name}.md"] = _section(f"navstack {name}", context, command, 1) + "\n"
+        first = re.split(r"(?<=\.)\s", " ".join((command.help or "").split()), maxsplit=1)[0]
+        rows.append(f"| [`navstack {name}`](cli/{name}.md) | {_cell(first)} |")
+    options = f"\n\n## Options of every command\n\n{_table(root, tree)}\n"
+    return {PAGE: INTRODUCTION + "\n".join(rows) + options, **found}
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the generated page to the site."""
-    files.append(File.generated(config, PAGE, content=page()))
+    """Add the generated pages to the site."""
+    for name, content in pages().items():
+        files.append(File.generated(config, name, content=content))
     return files

@@ -181,7 +181,9 @@ SEARCH = (
     (f"{FOLDER}/", {"boost": 3.0}),
     ("reference/api/", {"boost": 0.002}),
     ("concepts/plugins.md", {"boost": 4.0}),
-    ("troubleshooting.md", {"boost": 1.2}),
+    ("troubleshooting.md", {"boost": 2.0}),
+    ("get_started.md", {"boost": 4.0}),
+    ("decisions/", {"boost": 0.1}),
     ("tutorials/write_a_", {"boost": 8.0}),
 )
 """What the search prefers, by the beginning of a page's name: answers before lists of names.
