@@ -12,6 +12,7 @@ import errno
 import hmac
 import ipaddress
 import json
+import logging
 import re
 import secrets
 import socket
@@ -24,6 +25,7 @@ from importlib.resources import files
 from typing import Any, Final, TypeVar
 
 from aiohttp import WSMsgType, web
+from aiohttp.http import HttpProcessingError
 from aiohttp.typedefs import Handler
 
 from navstack.core import InputError, InternalError, NavError, compilation_reported
@@ -579,7 +581,9 @@ async def serve(server: LiveServer, host: str, port: int, *, ready: Callable[[st
 
     Raises InputError if the port cannot be used, and the error of a stage that cannot be prepared.
     """
-    runner = web.AppRunner(server.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
+    runner = web.AppRunner(
+        server.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0, logger=_LOG
+    )
     await runner.setup()
     try:
         try:
@@ -595,6 +599,15 @@ async def serve(server: LiveServer, host: str, port: int, *, ready: Callable[[st
         await runner.cleanup()
     if server.failure is not None:
         raise server.failure
+
+
+def _is_fault_of_ours(record: logging.LogRecord) -> bool:
+    """False for a request that is no HTTP: it gets status 400, and the terminal shows nothing."""
+    return record.exc_info is None or not isinstance(record.exc_info[1], HttpProcessingError)
+
+
+_LOG: Final = logging.getLogger("navstack.live")
+_LOG.addFilter(_is_fault_of_ours)
 
 
 class ServerThread:

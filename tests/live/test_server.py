@@ -177,6 +177,25 @@ def test_a_host_header_is_a_host_and_a_port_only(header: str) -> None:
     assert not gate.host_is_right(header)
 
 
+@pytest.mark.parametrize(
+    "request_text",
+    ["GET / HTTP/1.1\r\n\r\n", "GET /" + "a" * 9000 + " HTTP/1.1\r\nHost: localhost\r\n\r\n", "\x16\x03\x01\r\n\r\n"],
+)
+def test_a_request_that_is_no_http_leaves_no_traceback(
+    session: Session, request_text: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", int(address.rstrip("/").rpartition(":")[2]))
+        writer.write(request_text.encode("latin-1"))
+        assert (await reader.read()).split(b" ")[1] == b"400"
+        writer.close()
+        async with client.get(address) as page:
+            assert page.status == 200
+
+    served(session, body)
+    assert not caplog.records
+
+
 @pytest.mark.slow
 def test_frames_are_differences(session: Session) -> None:
     async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
