@@ -27,7 +27,7 @@ def shift_cells(cells: NDArray[Any], dx: int, dy: int, fill: int) -> None:
         cells.fill(fill)
         return
     # shift the flat array: the cells that wrap around the ends of the rows are overwritten below
-    flat = memoryview(cells.reshape(-1))  # numpy shifts overlapping arrays backwards element by element
+    flat = cells.reshape(-1).data  # a view of the memory: numpy shifts overlapping arrays backwards element by element
     by = dy * nx + dx
     if by > 0:
         flat[:-by] = flat[by:]

@@ -287,7 +287,9 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
         strafes = forward and p.holonomic_robot and math.hypot(strafe, STRAFE) <= limits.max_vel_trans
         speeds, turns = p.vx_samples if forward else 0, np.empty(p.vtheta_samples)
         samples = np.empty(((speeds + 1) * len(turns) + (2 if strafes else 0), 3))
-        write_samples(*map(float, (*ranges, strafe, limits.min_vel_theta)), speeds, samples, turns)
+        bottom, top, right, left = map(float, ranges)
+        turn = float(limits.min_vel_theta)
+        write_samples(bottom, top, right, left, float(strafe), turn, speeds, samples, turns)
         return samples, turns
 
     def simulate(self, samples: NDArray[np.float64], state: RobotState, limits: VelocityLimits) -> Rollouts:
