@@ -66,7 +66,7 @@ class Navigator(StackNode):
         self._stamped = value_of(handle, "enable_stamped_cmd_vel", ros.is_at_least("kilted"), "true or false")
         is_simulated = node.wait_for_clock()
         kind = "geometry_msgs/msg/TwistStamped" if self._stamped else "geometry_msgs/msg/Twist"
-        self._cmd_vel = node.publisher("cmd_vel", kind)
+        self._cmd_vel = node.publisher("cmd_vel", kind, important=True)
         super().__init__(configuration, node.log, NodeClock(node.now_ns), is_simulated=is_simulated, record=record)
         self.tasks = Tasks(node, self.inbox, self.clock)
         self._costmaps: list[CostmapTopics] = []
