@@ -83,7 +83,7 @@ class Server:
         message = self.kind.Feedback()
         if goal.task.feedback(message, now, stamp_ns):
             goal.feedback_due = now + goal.task.feedback_s
-            goal.handle.publish_feedback(message)
+            self._tasks.node.sender.send(f"{self.name}/feedback", lambda: goal.handle.publish_feedback(message))
 
     def _code(self, code: int, of: Codes) -> int:
         """Return the code, that of an unknown cause if the action of this distribution does not have it."""

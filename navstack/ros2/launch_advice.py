@@ -18,19 +18,19 @@ SERVERS: Final = {
     "nav2_behaviors": "behavior_server",
     "nav2_smoother": "smoother_server",
     "nav2_waypoint_follower": "waypoint_follower",
+    "nav2_route": "route_server",
+    "opennav_docking": "docking_server",
 }
 """Packages of Nav2 whose servers the navigator stands in for -> their nodes."""
 NOTES: Final = {
     "nav2_lifecycle_manager": (
-        "remove it, the navigator activates itself; or keep it with node_names navigator and bond_timeout 0.0, and give the "
-        "navigator autostart false"
+        "remove it, the navigator activates itself; or keep it with node_names navigator, and give the navigator autostart "
+        "false"
     ),
     "nav2_map_server": "keep it on a real robot; navstack's simulated robot has a map server itself",
     "nav2_amcl": "keep it on a real robot; navstack's simulated robot localizes itself (or set its parameter localization false)",
     "nav2_velocity_smoother": "keep it, with the navigator's cmd_vel remapped to its input, or remove it",
     "nav2_collision_monitor": "keep it, with the navigator's cmd_vel remapped to its input, or remove it",
-    "nav2_route": "the navigator has no route server; remove it, or keep it for other clients",
-    "opennav_docking": "the navigator has no docking server; remove it, or keep it for other clients",
     "nav2_loopback_sim": f"it can give way to the node sim of {PACKAGE}",
 }
 """Package of a node that the navigator does not replace -> what to do."""

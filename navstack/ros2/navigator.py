@@ -66,7 +66,7 @@ class Navigator(StackNode):
         self._stamped = value_of(handle, "enable_stamped_cmd_vel", ros.is_at_least("kilted"), "true or false")
         is_simulated = node.wait_for_clock()
         kind = "geometry_msgs/msg/TwistStamped" if self._stamped else "geometry_msgs/msg/Twist"
-        self._cmd_vel = node.publisher("cmd_vel", kind)
+        self._cmd_vel = node.publisher("cmd_vel", kind, important=True)
         super().__init__(configuration, node.log, NodeClock(node.now_ns), is_simulated=is_simulated, record=record)
         self.tasks = Tasks(node, self.inbox, self.clock)
         self._costmaps: list[CostmapTopics] = []
@@ -163,9 +163,20 @@ class Navigator(StackNode):
         for name in STANDS_IN_FOR:
             if name != node.handle.get_name():
                 offer_state(node, inbox, name, self._state)
+        self._warn_of_namesake()
         if self._autostart:
             offer_manager(node, "lifecycle_manager_navigation", lambda: self.tasks.is_active, self._transit)
             node.later(self._activate)
+
+    def _warn_of_namesake(self) -> None:
+        handle = self.node.handle
+        own = handle.get_name(), handle.get_namespace()
+        if handle.get_node_names_and_namespaces().count(own) > 1:
+            self.node.log.logwarn(
+                "another node is called %s, or was killed less than 20 s ago: two of them would take the same goals and drive "
+                "the same robot; end one, or give it another namespace (-r __ns:=/robot2)",
+                handle.get_fully_qualified_name(),
+            )
 
     def _connect_filters(self, move_base: MoveBase) -> None:
         layers = [layer for costmap in layered_costmaps(move_base) for layer in costmap.layers]

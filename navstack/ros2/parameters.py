@@ -11,7 +11,7 @@ from navstack.move_base import MoveBase
 from navstack.parameters import Configuration, DictNode, Location, Parameter, load_configuration, parameters_of, to_node
 from navstack.ros2 import ros
 from navstack.ros2.ros import RosNode, overrides_of
-from navstack.ros_node import Inbox
+from navstack.ros_node import Inbox, line_of
 
 OF_THE_NODE: Final = ("autostart", "enable_stamped_cmd_vel", "stop_on_failure", "odom_topic", "stamp_frame")
 """Parameters of the node's topics and actions, not of the stack."""
@@ -54,6 +54,13 @@ def ros_value(parameter: Parameter) -> Any:
     return None
 
 
+def reason_of(error: Exception) -> str:
+    """Return why parameters are rejected, in one line: the values have no place in a file."""
+    found: Any = error.data.get("findings", ()) if isinstance(error, NavError) else ()
+    texts = [str(item["message"]) for item in found if item["severity"] == "error"]
+    return "; ".join(texts) or line_of(getattr(error, "message", str(error)))
+
+
 class LiveParameters:
     """The parameters of a running stack; a change is applied whole, or rejected with its reason."""
 
@@ -77,6 +84,13 @@ class LiveParameters:
     def _on_set(self, parameters: Sequence[Any]) -> Any:
         """Apply changes of a client. Called in the thread of rclpy."""
         result = ros.message("rcl_interfaces/msg/SetParametersResult")(successful=True)
+        fixed = next((item.name for item in parameters if item.name in OF_THE_NODE), None)
+        if fixed is not None:
+            result.successful = False
+            result.reason = (
+                f"{fixed} cannot change while the node runs; give it at the start: --ros-args -p {fixed}:=.."
+            )
+            return result
         changes = {item.name: item.value for item in parameters if item.name in self._names}
         if not changes:
             return result
@@ -84,7 +98,7 @@ class LiveParameters:
             self._inbox.call(lambda: self.apply(changes))
         except (NavError, TimeoutError) as exc:
             result.successful = False
-            result.reason = getattr(exc, "message", str(exc))
+            result.reason = reason_of(exc)
         return result
 
     def apply(self, changes: Mapping[str, Any]) -> None:

@@ -24,6 +24,10 @@ MESSAGES: Final = "install its package (sudo apt install ros-$ROS_DISTRO-{}) and
 FLUSH_S: Final = 0.2
 """Time for the last messages to leave (s, wall)."""
 CLOCK_POLL_S: Final = 0.02
+WARN_S: Final = 5.0
+"""Least time between two warnings of dropped messages of a topic (s, wall)."""
+IMPORTANT_TRIES: Final = 3
+"""How often a message that no later one replaces is given to the middleware."""
 CREATE_S: Final = 60.0
 """Longest wait for the thread of rclpy (s, wall)."""
 ORDER: Final = ("humble", "iron", "jazzy", "kilted", "lyrical")
@@ -183,18 +187,44 @@ class RosLog:
         self._logger.error(line_of(text % values if values else text))
 
 
+class Sender:
+    """Hands messages to the middleware, which refuses one that it cannot take within 0.1 s, on a machine that is too busy."""
+
+    def __init__(self, log: RosLog) -> None:
+        self._log = log
+        self._warned: dict[str, float] = {}
+
+    def send(self, what: str, publish: Callable[[], Any], tries: int = 1) -> None:
+        """Call `publish` until the middleware takes the message, at most `tries` times, then drop it with a warning.
+
+        Nothing is sent after ROS was shut down.
+        """
+        refused = load("rclpy.impl.implementation_singleton").rclpy_implementation.RCLError
+        cause: Exception | None = None
+        for _ in range(tries if load("rclpy").ok() else 0):
+            try:
+                publish()
+                return
+            except refused as exc:
+                cause = exc
+        now = time.monotonic()
+        if cause is not None and now - self._warned.get(what, -WARN_S) >= WARN_S:
+            self._warned[what] = now
+            self._log.logwarn("a message on %s was dropped: %s; the machine is too busy", what, cause)
+
+
 class Publisher:
     """A publisher that tells how many subscribers it has."""
 
-    def __init__(self, publisher: Any) -> None:
-        self._publisher = publisher
+    def __init__(self, publisher: Any, sender: Sender, tries: int = 1) -> None:
+        """`tries`: how often a message is given to the middleware before it is dropped."""
+        self._publisher, self._sender, self._tries = publisher, sender, tries
         self._seen = 0
         self.topic = str(publisher.topic_name)
 
     def publish(self, message: Any) -> None:
         """Publish a message, unless ROS was shut down."""
-        if load("rclpy").ok():
-            self._publisher.publish(message)
+        self._sender.send(self.topic, lambda: self._publisher.publish(message), self._tries)
 
     @property
     def is_wanted(self) -> bool:
@@ -230,6 +260,7 @@ class RosNode:
         except Exception as exc:  # several classes of rclpy, none of them public
             raise InputError(f"ROS 2 does not accept {' '.join(arguments) or name}: {exc}") from exc
         self.log = RosLog(self.handle.get_logger())
+        self.sender = Sender(self.log)
         self.build = MessageBuilder(MessageTypes(), ros1=False)
         self.stop = threading.Event()
         """Set when the process was asked to end."""
@@ -333,11 +364,22 @@ class RosNode:
         return name if not self._below or name == "/clock" else self._below + name.lstrip("/")
 
     def publisher(
-        self, topic: str, kind: str, *, depth: int = 1, latched: bool = False, reliable: bool = True
+        self,
+        topic: str,
+        kind: str,
+        *,
+        depth: int = 1,
+        latched: bool = False,
+        reliable: bool = True,
+        important: bool = False,
     ) -> Publisher:
-        """Create a publisher; with `latched` late subscribers get the last messages (transient local)."""
+        """Create a publisher; with `latched` late subscribers get the last messages (transient local).
+
+        Messages that are `important`, or latched, are given to a busy middleware more than once.
+        """
         cls, profile = message(kind), qos(depth, latched=latched, reliable=reliable)
-        return Publisher(self.create(lambda: self.handle.create_publisher(cls, self._named(topic), profile)))
+        made = self.create(lambda: self.handle.create_publisher(cls, self._named(topic), profile))
+        return Publisher(made, self.sender, IMPORTANT_TRIES if latched or important else 1)
 
     def subscribe(
         self,

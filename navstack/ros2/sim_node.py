@@ -186,8 +186,10 @@ def simulate(scenario: Scenario, node: RosNode, *, speed: float, clock: bool) ->
     """
     made = SimNode(scenario, node, pace=_pace(node, speed, clock), clock=clock)
     node.log.loginfo("the simulated robot is ready")
-    made.run()
-    node.shut_down(_end)
+    try:
+        made.run()
+    finally:
+        node.shut_down(_end)
 
 
 def simulate_fleet(world: World, robots: Mapping[str, Scenario], node: RosNode, *, speed: float, clock: bool) -> None:
@@ -197,8 +199,10 @@ def simulate_fleet(world: World, robots: Mapping[str, Scenario], node: RosNode, 
     for name, scenario in robots.items():
         made[name] = SimNode(scenario, node.below(name), pace=pace, clock=clock and not made, shared=shared)
     node.log.loginfo("the simulated robots %s are ready", ", ".join(made))
-    run_fleet(made)
-    node.shut_down(_end)
+    try:
+        run_fleet(made)
+    finally:
+        node.shut_down(_end)
 
 
 def _nothing(request: Any, response: Any) -> None:

@@ -181,7 +181,7 @@ def test_advice(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
         f"{file}:5:5: Node(package='nav2_planner', executable='planner_server') -> nothing; remove it, the navigator "
         "stands in for planner_server too"
     )
-    assert lines[2].startswith(f"{file}:7:5: note: ") and "bond_timeout 0.0" in lines[2]
+    assert lines[2].startswith(f"{file}:7:5: note: ") and "autostart false" in lines[2]
     assert lines[3].startswith(f"{file}:8:5: ComposableNode(") and f"-> {new}" in lines[3]
     assert lines[4].startswith(
         f'{xml}:3:5: pkg="nav2_planner" exec="planner_server" -> pkg="navstack_ros2" exec="navigator"'

@@ -292,7 +292,9 @@ def test_a_client_from_before_the_stage_gets_the_parameters(session: Session) ->
                 foxglove.show(Stage([session], Options(fixed=False)), lambda: None)
                 await client.until(lambda: client.info["sessionId"] != before)
                 await client.send(op="getParameters", parameterNames=[], id="all")
-                await client.until(lambda: [t for t in client.texts if t["op"] == "parameterValues" and t["parameters"]])
+                await client.until(
+                    lambda: [t for t in client.texts if t["op"] == "parameterValues" and t["parameters"]]
+                )
         finally:
             foxglove.stop()
 

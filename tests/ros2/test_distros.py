@@ -101,6 +101,7 @@ def test_two_robots(tmp_path: Path) -> None:
         graph.wait_for_text(other, "the simulated robot is ready")
         found = graph.ask(TWO)
         assert found["ends"] == [4, 4] and found["topics"] == [True, True]
+        assert "another node is called" not in graph.output()
         assert {"/robot1/navigator", "/robot2/navigator", "/robot1/navstack_sim", "/robot2/navstack_sim"} <= set(
             found["nodes"]
         )

@@ -158,6 +158,8 @@ found["kept"] = value(SIM)
 found["fixed"] = change(Message(name="local_costmap.global_frame",
                                 value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="other")))
 found["other type"] = change(Message(name=SIM, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="x")))
+found["of the node"] = change(Message(name="odom_topic", value=ParameterValue(type=ParameterType.PARAMETER_STRING,
+                                                                              string_value="other")))
 found["unknown"] = change(double("DWAPlannerROS.sim_tme", 2.0))
 both = SetParametersAtomically.Request(parameters=[double(RADIUS, 0.5), double(SIM, -1.0)])
 answer = call(SetParametersAtomically, "navigator/set_parameters_atomically", both).result
@@ -315,9 +317,11 @@ def test_parameters(office: Graph) -> None:
     assert found["listed"] == [True, True, True, True] and found["described"]
     assert found["change"] == [[True, ""]] and found["changed"] == 0.44
     ((done, reason),) = found["out of range"]
-    assert not done and "sim_time" in reason and found["kept"] > 0.0
+    assert not done and reason.startswith("sim_time = -1") and "\n" not in reason and found["kept"] > 0.0
     ((done, reason),) = found["fixed"]
     assert not done and "global_frame" in reason
+    ((done, reason),) = found["of the node"]
+    assert not done and "odom_topic cannot change while the node runs" in reason
     assert not found["other type"][0][0] and not found["unknown"][0][0]
     assert found["atomic"] == [False, 0.44]
 
