@@ -1,13 +1,14 @@
 """Drive the robots of public repositories by their own launch files: what loads, what drives, what touches.
 
     python tools/launch_robots.py FOLDER [--maps NAME ..] [--only TEXT ..] [--time-limit S] [--distro noetic|indigo]
-                                  [--allow-missing] [--processes N] [--out FILE]
+                                  [--allow-missing] [--processes N] [--out FILE [--resume]]
 
 FOLDER has a checkout of each repository of `ROBOTS` in `owner/name`; absent ones are left out. Each robot drives to the goals of
 each map. Where it does not reach all of them without contact and the doors are too narrow for it to turn, it drives through the
 map scaled to it, as generated suites are. A drive ends with the first goal that fails.
 Robots whose YAML was last changed before move_base scored as it does today (`SCORING_CHANGED`) are driven with `--distro indigo`.
-Prints a table in Markdown: goals reached, contacts, simulated seconds, and below it the causes. `--out` writes the same as JSON.
+Prints a table in Markdown: goals reached, contacts, simulated seconds, and below it the causes. `--out` writes the same as JSON,
+after each robot; with `--resume`, robots that it has are not driven again.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import json
 import math
 import sys
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -231,6 +232,13 @@ def drive(map_name: str, configuration: Configuration, time_limit_s: float, scal
     return made
 
 
+def read_results(path: Path) -> list[Robot]:
+    """Return the robots of an earlier `--out`."""
+    found = json.loads(path.read_text(encoding="utf-8"))
+    drives = ("drives", "fitted")
+    return [Robot(**{**r, **{name: [Drive(**drive) for drive in r[name]] for name in drives}}) for r in found]
+
+
 def print_table(robots: list[Robot], maps: tuple[str, ...]) -> None:
     """Print the table, the sums and the causes."""
     columns = [*maps, *(f"{name}, doors fit" for name in maps)]
@@ -276,16 +284,18 @@ def main() -> int:
     parser.add_argument("--allow-missing", action="store_true", help="let others stand in for missing plugins")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--resume", action="store_true", help="keep the robots that --out has")
     given = parser.parse_args()
     maps = tuple(given.maps)
     names = [n for n in ROBOTS if (given.folder / n).is_dir() and any(text in n for text in given.only)]
-    robots: list[Robot] = []
+    robots = read_results(given.out) if given.resume and given.out is not None and given.out.is_file() else []
+    done = {robot.name for robot in robots}
+    common = (maps, given.time_limit, given.distro, given.allow_missing)
     with ProcessPoolExecutor(given.processes) as pool:
-        common = (maps, given.time_limit, given.distro, given.allow_missing)
-        tasks = [pool.submit(examine, given.folder, n, *common) for n in names]
-        for task in tasks:
-            robots.append(task.result())
-            print(f"{len(robots)} of {len(names)}: {robots[-1].name}", file=sys.stderr, flush=True)
+        tasks = [pool.submit(examine, given.folder, n, *common) for n in names if n not in done]
+        for task in as_completed(tasks):
+            robots = sorted([*robots, task.result()], key=lambda robot: robot.name)
+            print(f"{len(robots)} of {len(names)}: {task.result().name}", file=sys.stderr, flush=True)
             if given.out is not None:
                 given.out.write_text(json.dumps([asdict(robot) for robot in robots], indent=1), encoding="utf-8")
     print_table(robots, maps)

@@ -236,6 +236,14 @@ class DWAParams(ParamModel):
             yield from checks.cannot_start(
                 context, self.acc_lim_x, self.acc_lim_theta, self.min_vel_trans, self.min_vel_theta
             )
+            yield from checks.coarse_speeds(
+                context,
+                speeds=(self.min_vel_x, fastest.value),
+                acceleration=self.acc_lim_x,
+                samples=self.vx_samples,
+                sim_time=self.sim_time,
+                xy_goal_tolerance=self.xy_goal_tolerance,
+            )
         yield from checks.stopping_time(context, checks.Limit("acc_lim_x", self.acc_lim_x), fastest, self.sim_time)
         yield from checks.coarse_simulation(context, self.sim_granularity, self.sim_time, self.acc_lim_x, fastest)
         yield from checks.minimum_over_maximum(

@@ -159,6 +159,49 @@ def goal_tolerances(
         yield Issue("warning", "yaw-tolerance", ("yaw_goal_tolerance",), message)
 
 
+MOST_SPEEDS = 40
+"""More forward speeds than that cost time and are no advice."""
+
+
+def coarse_speeds(
+    context: CheckContext,
+    *,
+    speeds: tuple[float, float],
+    acceleration: float,
+    samples: int,
+    sim_time: float,
+    xy_goal_tolerance: float,
+) -> Iterator[Issue]:
+    """From rest near the goal, the slowest forward trajectory ends as far behind the goal as the robot stands before it.
+
+    `speeds`: lowest and highest forward speed (m/s). A robot at rest at a distance d gains by a trajectory of length s only if
+    s < 2 d, so it stays where xy_goal_tolerance < d < s / 2.
+    """
+    reach = acceleration / context.controller_frequency
+    low, high = max(speeds[0], -reach), min(speeds[1], reach)
+    if high <= 0.0:
+        return
+
+    def shortest(number: int) -> float:
+        step = (high - low) / max(1, number - 1)
+        forward = [speed for k in range(max(2, number)) if (speed := low + k * step) > 1e-6]
+        return min(forward) * sim_time
+
+    length = shortest(samples)
+    if length <= 2.0 * xy_goal_tolerance:
+        return
+    enough = next((n for n in range(samples + 1, MOST_SPEEDS + 1) if shortest(n) <= 2.0 * xy_goal_tolerance), None)
+    fix = f"raise xy_goal_tolerance to {math.ceil(50.0 * length) / 100.0:g}"
+    if enough is not None:
+        fix = f"set vx_samples to {enough}, or {fix}"
+    message = (
+        f"near the goal the robot may turn in place or stand forever: its slowest forward trajectory is {length:.3g} m long "
+        f"(vx_samples {samples}, sim_time {sim_time:g} s), so from rest at {length / 2:.2g} m or less it would overshoot the "
+        f"goal by more than it gains, and xy_goal_tolerance is {xy_goal_tolerance:g} m; {fix}"
+    )
+    yield Issue("warning", "coarse-speeds", ("vx_samples",), message, None if enough is None else str(enough))
+
+
 def scoring_scale(
     context: CheckContext,
     *,

@@ -328,8 +328,11 @@ class LaunchReader:
         if not self._nodes and self._has_gaps:
             return  # the node may be in what was skipped, which has an error
         if not self._nodes:
-            absent = f" (not found: {', '.join(self._skipped[:3])})" if self._skipped else ""
-            message = f"the launch file starts no move_base node{absent}; name the launch file that starts it"
+            message = "the launch file starts no move_base node; "
+            if self._skipped:
+                missing = ", ".join(self._skipped[:3])
+                message += f"what it includes was not found and may start it: {missing}; put that in place, or "
+            message += "name the launch file that starts it"
             self.add_finding("error", "launch", at, message)
             return
         if len(self._nodes) > 1:
@@ -484,7 +487,7 @@ class LaunchReader:
             name = text or element.attributes.get("file", "")
             why, _ = _why_not_found(name, scope.path)
             message = f"{_short(name)} was not found ({why}), so its include is skipped"
-            self._skipped.append(_short(name))
+            self._skipped.append(f"{_short(name)} ({why})")
             self.add_finding("info", "launch", self._at(element, scope), message)
             return
         self._includes += 1

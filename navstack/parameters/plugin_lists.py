@@ -10,7 +10,7 @@ from navstack.core import UnknownPluginError
 from navstack.parameters.binding import Binder
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.foreign import FOREIGN_PLANNERS
-from navstack.parameters.spelling import nearest
+from navstack.parameters.spelling import is_typo, nearest
 from navstack.parameters.tree import Leaf, Space
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 from navstack.plugins import RECOVERY_BEHAVIORS, REGISTRIES, Plugin, PluginSpec, Registry, normalize
@@ -79,9 +79,12 @@ class PluginLists:
         by_name = _is_bare(plugin.type)
         known = ", ".join(entry.name if by_name else entry.ros_name for entry in registry)
         other = next((r.kind for r in REGISTRIES if plugin.type in r), None)
-        # a planner that exists elsewhere is not a misspelt one
-        foreign = short_type(plugin.type) in FOREIGN_PLANNERS
-        close = _closest(registry, plugin.type) if other is None and not foreign else None
+        close = _closest(registry, plugin.type) if other is None else None
+        # a planner that exists elsewhere is not a misspelt one, unless its package is
+        package = normalize(plugin.type).rpartition("/")[0]
+        misspelt = close is not None and is_typo(package, normalize(close).rpartition("/")[0])
+        foreign = short_type(plugin.type) in FOREIGN_PLANNERS and not misspelt
+        close = None if foreign else close
         hint = f'did you mean "{close}"? ' if close else ""
         problem = f'unknown {registry.kind} "{plugin.type}"'
         if other is not None:
@@ -212,7 +215,10 @@ def _closest(registry: Registry[Any], written: str) -> str | None:
         return None
     # types of several packages may have the name: that of the package that is written, then that of the name itself
     package = normalize(written).rpartition("/")[0]
-    return min(names[close], key=lambda name: (name.rpartition("/")[0] != package, name != close))
+    found = min(names[close], key=lambda name: (name.rpartition("/")[0] != package, name != close))
+    # a class of another package is another plugin, unless its name is the same but for a typo
+    same_package = not package or is_typo(package, normalize(found).rpartition("/")[0])
+    return found if same_package or is_typo(short_type(written), close) else None
 
 
 def _is_bare(type_: str) -> bool:

@@ -229,6 +229,18 @@ document(
     __name__,
 )
 document(
+    "coarse-speeds",
+    "warning",
+    """DWAPlannerROS samples `vx_samples` forward speeds between the lowest and the highest that one control period allows.
+    Near the goal, the slowest one over `sim_time` may lead past it: a robot at rest at a distance d gains by a trajectory
+    of length s only if s < 2 d. Between `xy_goal_tolerance` and s / 2 it stands, or turns in place until the time limit;
+    a turn in place is no progress. Example: 3 samples up to 0.5 m/s and 1.7 s give s = 0.425 m, with a tolerance of 0.2 m.
+
+    Fix: the number of `vx_samples` in the message, a shorter `sim_time`, or a larger `xy_goal_tolerance`.
+    """,
+    __name__,
+)
+document(
     "window-too-small",
     "warning",
     """Trajectories of length sim_time * max_vel_x + forward_point_distance leave the local costmap, and samples that

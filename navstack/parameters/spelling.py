@@ -11,6 +11,7 @@ MIN_WORD = 3
 """Shorter words are abbreviations: x for y."""
 _MOST_EDITS = 8
 """A name with so many wrong letters is another name."""
+MOST_TYPOS = 2
 _SEPARATORS = re.compile(r"[_\-. ]")
 _OPPOSITES: tuple[tuple[frozenset[str], ...], ...] = tuple(
     tuple(frozenset(words.split()) for words in group)
@@ -53,6 +54,11 @@ def is_certain(name: str, found: str, known: Iterable[str]) -> bool:
     edits = _edits(name, found, _MOST_EDITS)
     limit = edits + max(1, (edits + 1) // 2) - 1
     return edits < _MOST_EDITS and all(_edits(name, other, limit + 1) > limit for other in set(known) - {found})
+
+
+def is_typo(name: str, known: str) -> bool:
+    """Return True for at most MOST_TYPOS wrong letters (a letter more, less, exchanged or swapped with its neighbor)."""
+    return _edits(name, known, MOST_TYPOS + 1) <= MOST_TYPOS
 
 
 def _edits(name: str, known: str, limit: int) -> int:

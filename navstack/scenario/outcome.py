@@ -88,6 +88,7 @@ EXPLAIN_FAILURES: Final = frozenset(
         "global-window",
         "slow-turn",
         "standing-sample",
+        "coarse-speeds",
         "dated-names",
         "heavy-path",
         "default-footprint",

@@ -323,6 +323,7 @@ _SUSPECTS: Final = (
 def _planner_values(configuration: Configuration) -> Iterator[Cause]:
     known = {p.name: p.value for p in parameters_of(configuration)}
     named = {
+        "coarse-speeds": f"{configuration.local_planner.namespace}/vx_samples",
         "heavy-path": f"{configuration.local_planner.namespace}/path_distance_bias",
         "standing-sample": f"{configuration.local_planner.namespace}/min_vel_x",
         "slow-turn": "oscillation_timeout",

@@ -282,6 +282,11 @@ def test_suggestions_are_for_near_misses_only() -> None:
     assert "did you mean" not in caught.value.message
     assert not [f for f in check(robot(NeoLocalPlanner={"a": 1})) if "PalLocalPlanner" in f.message]
     assert any(f.suggestion == "DWAPlannerROS" for f in check(robot(DWAPlanerROS={"max_vel_x": 0.4})))
+    for other in ("wpbh_local_planner/WpbhLocalPlanner", "my_dwb/DWBPlanner"):
+        assert not [f for f in check(robot(base_local_planner=other)) if "did you mean" in f.message]
+    for typo in ("dwa_local_planer/DWAPlannerROS", "dwa/DWAPlanerROS", "DWAPlanerROS"):
+        [found] = [f for f in check(robot(base_local_planner=typo)) if f.rule == "unknown-plugin"]
+        assert 'did you mean "dwa' in found.message
 
 
 def test_a_layer_that_the_other_costmap_uses_is_not_to_be_removed(tmp_path: Path) -> None:
@@ -696,7 +701,8 @@ def test_a_section_of_the_planner_under_another_name_is_one_finding(name: str, t
         (tmp_path / file.name).write_text(text, encoding="utf-8")
     [found] = [f for f in check(str(tmp_path)) if f.severity != "info"]
     assert (found.key, found.replacement) == (name, "DWAPlannerROS")
-    assert "Because of its defaults: DWAPlannerROS commands sideways velocities" in found.message
+    assert "Because of its defaults: " in found.message
+    assert "DWAPlannerROS commands sideways velocities" in found.message
 
 
 def test_a_finding_about_a_default_says_so() -> None:

@@ -122,7 +122,11 @@ def test_remappings_and_several_nodes_are_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ("", "starts no move_base node"),
+        ("", "starts no move_base node; name the launch file"),
+        (
+            '<include file="$(find nowhere)/move_base.launch"/>',
+            "may start it: $(find nowhere)/move_base.launch (the package nowhere is not here); put that in place, or name",
+        ),
         (NODE.format('<rosparam file="$(find nowhere)/x.yaml"/>'), "not found"),
         (NODE.format('<param name="a"/>'), "value"),
         (NODE.format('<param name="a" type="int" value="x"/>'), "type int"),

@@ -134,6 +134,20 @@ def test_previous_names_tell_of_the_scoring_of_before_2018() -> None:
         assert "dated-names" not in {f.rule for f in check_parameters([quiet])}
 
 
+def test_speeds_that_are_too_coarse_to_reach_the_goal() -> None:
+    """Clearpath's DWA: 5 Hz, 2.5 m/s², 3 speeds up to 0.5 m/s, 1.7 s, tolerance 0.2 m."""
+    clearpath = {"vx_samples": 3, "sim_time": 1.7, "acc_lim_x": 2.5, "max_vel_x": 0.5, "max_vel_trans": 0.5,
+                 "min_vel_x": 0.0, "min_vel_trans": 0.1, "xy_goal_tolerance": 0.2}  # fmt: skip
+    one = found("coarse-speeds", controller_frequency=5.0, DWAPlannerROS=clearpath)
+    assert one.severity == "warning" and one.suggestion == "4"
+    assert "trajectory is 0.425 m long" in one.message and "raise xy_goal_tolerance to 0.22" in one.message
+    one = found("coarse-speeds", controller_frequency=5.0, DWAPlannerROS={**clearpath, "sim_time": 40.0})
+    assert one.suggestion is None and "set vx_samples" not in one.message
+    for fine in ({"vx_samples": 4}, {"xy_goal_tolerance": 0.22}, {"sim_time": 1.5}):
+        good = robot(controller_frequency=5.0, DWAPlannerROS={**clearpath, **fine})
+        assert "coarse-speeds" not in {f.rule for f in check_parameters([good])}
+
+
 def test_a_path_that_outweighs_the_goal() -> None:
     one = found("heavy-path", DWAPlannerROS={"path_distance_bias": 90.0, "goal_distance_bias": 24.0})
     assert (one.severity, one.suggestion) == ("info", "32") and "is 3.8 times goal_distance_bias" in one.message
