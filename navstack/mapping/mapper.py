@@ -58,8 +58,10 @@ TURN_ACCELERATION: Final = 2.0
 """Standard deviations of the acceleration (m/s^2, rad/s^2) of a robot without odometry: it is expected to go on as it went."""
 VELOCITY_S: Final = 0.3
 """Time over which its velocity is measured,"""
-UNKNOWN_S: Final = 1.0
+UNKNOWN_S: Final = 2.0
 """and after which it says nothing: the place of the robot must then be recognized, as that of a loop."""
+SEEK_S: Final = 1.0
+"""A robot that is lost is sought at each scan at first, later at this interval: the search is wide."""
 WIDE_RAD: Final = 2.6
 """A scan of at least this angle sees enough walls to recognize a place by itself."""
 PLACE_M: Final = 0.5
@@ -278,6 +280,8 @@ class Mapper:
         self._known_at = 0.0
         """Stamp of the last scan that was placed; earlier than the last one if the robot is lost."""
         self._is_lost = False
+        self._sought_at = 0.0
+        """Stamp at which a robot that was lost was last sought."""
         self._errors = UNCALIBRATED
         """Systematic errors of the odometry, by the last keyframes."""
         self._local: Surfaces | None = None
@@ -352,7 +356,7 @@ class Mapper:
             odom is not None and last_odometry is not None and not self._has_jumped(stamp, before, step, True)
         )
         if not has_odometry:
-            dt = stamp - before if stamp - before < UNKNOWN_S else 0.0
+            dt = stamp - before if stamp - before <= UNKNOWN_S else 0.0
             step = Transform2D(*(dt * v for v in self._velocity))
         self._last = stamp, odom
         self._driven = self._driven @ step
@@ -367,9 +371,11 @@ class Mapper:
             return MatchResult(stamp, self.pose or Pose2D(0.0, 0.0))
         surface = points_of(_expand(scan), mounting, p.max_laser_range)
         is_guess = not has_odometry or self._is_lost
+        if self._is_lost and stamp - self._sought_at < min(SEEK_S, 0.1 * (stamp - self._known_at)):
+            return self._lose(stamp, math.nan)
         if len(surface) < FEWEST_POINTS:
             if is_guess:
-                self._lose(stamp)
+                self._lose(stamp, math.nan)
             else:
                 self._passed(stamp)
             return self._rejected(stamp, f"fewer than {FEWEST_POINTS} points, so it cannot be matched")
@@ -434,7 +440,7 @@ class Mapper:
             "driven": list(self._driven),
             "matched": list(self._matched),
             "velocity": list(self._velocity),
-            "known": [self._known_at, self._is_lost],
+            "known": [self._known_at, self._is_lost, self._sought_at],
             "odometry_errors": [*self._errors[:3], self._errors.steps],
             "intervals": list(self._intervals),
             "decided": None if self.unfinished is None else self.unfinished.decided,
@@ -467,7 +473,7 @@ class Mapper:
         self._last = None if last is None else (last[0], None if last[1] is None else Transform2D(*last[1]))
         self._moved, self._driven = Transform2D(*state["moved"]), Transform2D(*state["driven"])
         self._matched, self._velocity = Transform2D(*state["matched"]), Transform2D(*state["velocity"])
-        self._known_at, self._is_lost = state["known"]
+        self._known_at, self._is_lost, self._sought_at = state["known"]
         scale, turn_scale, curve, count = state["odometry_errors"]
         self._errors = UNCALIBRATED._replace(scale=scale, turn_scale=turn_scale, curve=curve, steps=count)
         self._intervals.extend(state["intervals"])
@@ -551,17 +557,16 @@ class Mapper:
                 0.02 + p.odometry_heading_error * turned + 0.03 * moved,
             )
         sigma = sigma[0] + min(FOLLOWED_DRIFT * self._open_m, MOST_FOLLOWED_DRIFT_M), sigma[1]
-        is_unknown = is_guess and (self._is_lost or stamp - self._known_at >= UNKNOWN_S)
+        is_unknown = is_guess and (self._is_lost or stamp - self._known_at > UNKNOWN_S)
         if is_unknown:
+            self._sought_at = stamp
             match = self._recognized(Scene(surface, np.array([sensor.x, sensor.y]), predicted), start, sigma)
         else:
             match = self._best_match(surface, predicted, sigma, widely=is_guess)
         fits = match.response >= p.link_match_minimum_response_fine
         prior = _prior(predicted, sigma)
         if not fits and is_guess:
-            self._lose(stamp)
-            reason = "it fits nothing around the last known pose, and no odometry says where the robot is"
-            return MatchResult(stamp, self.pose or Pose2D(*predicted), None, match.response, rejected=reason)
+            return self._lose(stamp, match.response)
         if not fits:
             self.observations.unmatched.append((stamp, len(self.keyframes), match.response))
             match = match._replace(pose=np.array(predicted), hessian=prior)
@@ -591,10 +596,12 @@ class Mapper:
             self._calibrate()
         return MatchResult(stamp, self.pose or Pose2D(*pose), k, match.response, correction, decided)
 
-    def _lose(self, stamp: float) -> None:
+    def _lose(self, stamp: float, response: float) -> MatchResult:
         """Do not use a scan, because nothing tells where the robot is."""
         self._note_lost(stamp, 1)
         self._is_lost, self._velocity = True, Transform2D()
+        reason = "it fits nothing around the last known pose, and no odometry says where the robot is"
+        return MatchResult(stamp, self.pose or Pose2D(0.0, 0.0), None, response, rejected=reason)
 
     def _note_lost(self, stamp: float, scans: int) -> None:
         """Note that nothing but the scan of this stamp tells where the robot is; `scans`: how many more are not used."""

@@ -194,6 +194,8 @@ def _lines(mapper: Mapper, d: dict[str, Any], mounting: Mounting) -> list[str]:
             f"tracking lost at {known:.1f} s {where}: the scans fit nothing around, and there is no odometry; "
             f"{n} scan{'s' * (n != 1)} {end} {'are' if n != 1 else 'is'} not in the map"
         )
+    if len(d["lost"]) > _SHOWN:
+        lines.append(f"  {len(d['lost']) - _SHOWN} more such parts are in the report")
     if d["lost"]:
         lines.append(
             "  the map may be wrong from there on: record odometry, or drive and turn more slowly, so that scans overlap"
