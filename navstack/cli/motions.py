@@ -200,7 +200,10 @@ def turn(
     Exit codes: 0 the angle was turned, 1 it was not, 2 invalid input, 130 interrupted.
     """
     values = {"speed": speed, "tolerance": tolerance, "frame": frame, "shortest": shortest}
-    step = read_step({"turn": parse_angle(angle), **_given(values)})
+    radians = parse_angle(angle)
+    if abs(radians) > 2.0 * math.pi and angle.strip().lstrip("+-").replace(".", "", 1).isdigit():
+        print_note(f"{angle} is taken as radians, {math.degrees(radians):.0f} degrees; for degrees, write {angle}deg")
+    step = read_step({"turn": radians, **_given(values)})
     return run_motions(chosen.build(world, (step,)), out, json_=json_)
 
 

@@ -50,6 +50,8 @@ def test_turn_by_any_angle_in_a_scenario(capsys: pytest.CaptureFixture[str]) -> 
     assert found["goals"][0]["figures"]["turned_rad"] == pytest.approx(-6.981, abs=0.02)
     assert run(["turn", "270deg", "--shortest"]) == 0
     assert "turn: turned -89.9 of -90.0 degrees" in capsys.readouterr().out
+    assert run(["turn", "7"]) == 0  # may be meant in degrees
+    assert "7 is taken as radians, 401 degrees; for degrees, write 7deg" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.slow

@@ -182,7 +182,7 @@ SEARCH = (
     ("reference/api/", {"boost": 0.002}),
     ("concepts/plugins.md", {"boost": 4.0}),
     ("troubleshooting.md", {"boost": 2.0}),
-    ("get_started.md", {"boost": 4.0}),
+    ("get_started.md", {"boost": 1.2}),
     ("decisions/", {"boost": 0.1}),
     ("tutorials/write_a_", {"boost": 8.0}),
 )
