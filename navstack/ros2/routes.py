@@ -79,6 +79,7 @@ class TrackRouteTask(ComputeRouteTask):
     feedback_s = 0.0
     tracker: RouteTrackingServer
     _tick: TickResult | None = None
+    _told_at: TickResult | None = None
     _told: tuple[object, ...] = ()
     _ended = False
 
@@ -111,6 +112,9 @@ class TrackRouteTask(ComputeRouteTask):
 
     def feedback(self, message: Any, now: float, stamp_ns: int) -> bool:
         """Fill the progress when it has changed, as in Nav2."""
+        if self._tick is self._told_at:
+            return False
+        self._told_at = self._tick
         seen = self.tracker.feedback()
         told = tuple(value for key, value in seen.items() if key not in ("route", "path"))
         if not seen or (told == self._told and not seen["rerouted"]):
