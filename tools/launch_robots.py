@@ -234,9 +234,11 @@ def drive(map_name: str, configuration: Configuration, time_limit_s: float, scal
 
 def read_results(path: Path) -> list[Robot]:
     """Return the robots of an earlier `--out`."""
-    found = json.loads(path.read_text(encoding="utf-8"))
-    drives = ("drives", "fitted")
-    return [Robot(**{**r, **{name: [Drive(**drive) for drive in r[name]] for name in drives}}) for r in found]
+    found: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+    for robot in found:
+        for name in ("drives", "fitted"):
+            robot[name] = [Drive(**drive) for drive in robot[name]]
+    return [Robot(**robot) for robot in found]
 
 
 def print_table(robots: list[Robot], maps: tuple[str, ...]) -> None:
