@@ -23,7 +23,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D, normalize_angle, normalize_angles
+from navstack.core import LaserScan, LogError, OccupancyGrid, Pose2D, Transform2D, normalize_angle, normalize_angles
 from navstack.localization import LoggedScan, scan_beams
 from navstack.logs import MappingModel, map_from_frames
 from navstack.mapping.loops import (
@@ -306,6 +306,9 @@ class Mapper:
 
     def map(self, model: MappingModel | None = None) -> OccupancyGrid:
         """Return the map of all keyframes at the poses of the graph. Raises LogError without a keyframe."""
+        if not len(self.keyframes):
+            why = [f"{len(stamps)} scans: {reason}" for reason, stamps in self.observations.rejected.items()]
+            raise LogError(f"no scan could be used, so there is no map ({'; '.join(why) or 'the log has no scans'})")
         chosen = model or MappingModel(max_range=self.params.max_laser_range)
         return map_from_frames(self.frames, resolution=self.params.resolution, model=chosen)[0]
 
@@ -366,7 +369,13 @@ class Mapper:
         p = self.params
         far = self._is_far(self._moved)
         since = self._matched.inverse() @ self._moved
-        if has_odometry and not self._is_lost and not far and math.hypot(since.x, since.y) < NEAR_M and abs(since.yaw) < NEAR_RAD:
+        if (
+            has_odometry
+            and not self._is_lost
+            and not far
+            and math.hypot(since.x, since.y) < NEAR_M
+            and abs(since.yaw) < NEAR_RAD
+        ):
             self._passed(stamp)
             return MatchResult(stamp, self.pose or Pose2D(0.0, 0.0))
         surface = points_of(_expand(scan), mounting, p.max_laser_range)

@@ -191,7 +191,7 @@ def _lines(mapper: Mapper, d: dict[str, Any], mounting: Mounting) -> list[str]:
             continue
         end = "to the end of the log" if part["to_the_end"] else f"to {until:.1f} s"
         lines.append(
-            f"tracking lost at {known:.1f} s {where}: the scans fit nothing around, and there is no odometry; "
+            f"tracking lost at {known:.1f} s {where}: the scans fit nothing around, and no odometry says where it went; "
             f"{n} scan{'s' * (n != 1)} {end} {'are' if n != 1 else 'is'} not in the map"
         )
     if len(d["lost"]) > _SHOWN:
@@ -221,7 +221,9 @@ def _lines(mapper: Mapper, d: dict[str, Any], mounting: Mounting) -> list[str]:
             f"{math.degrees(turn):.2f} degrees"
         )
     for begin, end, count in _parts([row["stamp"] for row in d["unmatched"]])[:_SHOWN]:
-        lines.append(f"does not fit: {count} scans from {begin:.1f} to {end:.1f} s match nothing before them")
+        lines.append(
+            f"does not fit: {count} scan{'s' * (count != 1)} from {begin:.1f} to {end:.1f} s, like nothing before"
+        )
     for reason, count in d["rejected_scans"].items():
         when = mapper.observations.rejected[reason][0]
         lines.append(f"not used: {count} scan{'s' * (count != 1)}, the first at {when:.1f} s: {reason}")

@@ -323,7 +323,7 @@ def test_defective_scans_are_counted_and_change_nothing(finished: Mapper) -> Non
     assert "fewer than" in empty.add_scan(1.0, None, LaserScan(np.ones(1, np.float32), 0.0, 0.1, 0.0, 9.0)).rejected
     empty.finish()
     assert report_document(empty)["keyframes"] == 0
-    with pytest.raises(LogError):
+    with pytest.raises(LogError, match=r"no scan could be used, so there is no map \(2 scans: fewer than"):
         empty.map()
 
 
