@@ -287,6 +287,7 @@ def _rows(track: Track, relations: RelationResult | None) -> dict[str, str]:
         "scans": f"{len(track.indices)}",
         "without an estimate": f"{int((~estimated).sum())}",
         "lost": f"{int(track.lost.sum())}",
+        "in doubt": f"{int(track.in_doubt.sum())}",
         "particles, median": f"{np.median(track.particles):.0f}",
         "particles, most": f"{track.particles.max()}",
         "time per scan": f"{track.ms_per_scan:.2f} ms",
@@ -352,12 +353,14 @@ def write_tracks(
 
 
 def _write_trajectory(track: Track, path: Path) -> None:
-    lines = ["scan,stamp,x,y,yaw,reference_x,reference_y,reference_yaw,particles,explained,lost"]
+    lines = ["scan,stamp,x,y,yaw,reference_x,reference_y,reference_yaw,particles,explained,lost,sure"]
     for i in range(len(track.indices)):
         values = [track.stamps[i], *track.poses[i], *track.references[i]]
         texts = ",".join("" if v != v else f"{v:.6f}" for v in values)
         explained = "" if track.explained[i] != track.explained[i] else f"{track.explained[i]:.4f}"
-        lines.append(f"{track.indices[i]},{texts},{track.particles[i]},{explained},{int(track.lost[i])}")
+        lines.append(
+            f"{track.indices[i]},{texts},{track.particles[i]},{explained},{int(track.lost[i])},{int(track.sure[i])}"
+        )
     write_text(path, "\n".join(lines) + "\n")
 
 

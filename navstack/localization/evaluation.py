@@ -75,6 +75,8 @@ class Track:
     """(n,) number of particles or hypotheses."""
     lost: NDArray[np.bool_]
     """(n,) whether the localizer said that it does not know where it is."""
+    sure: NDArray[np.bool_]
+    """(n,) whether it was sure of its pose: not lost, and not in doubt after scans that contradict it."""
     explained: NDArray[np.float64]
     """(n,) share of the scan that the estimate explains; NaN if the localizer does not say."""
     clouds: dict[int, NDArray[np.float64]] = field(default_factory=dict[int, NDArray[np.float64]])
@@ -91,6 +93,11 @@ class Track:
     def errors(self) -> NDArray[np.float64]:
         """(n,) distance between estimate and reference (m); NaN without one of them."""
         return np.hypot(self.poses[:, 0] - self.references[:, 0], self.poses[:, 1] - self.references[:, 1])
+
+    @property
+    def in_doubt(self) -> NDArray[np.bool_]:
+        """(n,) rows at which the localizer was not sure of its pose, although it was not lost."""
+        return ~self.lost & ~self.sure
 
     def absolute(self) -> PoseErrors:
         """Return the absolute trajectory error of the rows with a reference, without alignment."""
@@ -114,6 +121,7 @@ class Track:
             "scans": len(self.indices),
             "with_estimate": int(estimated.sum()),
             "lost": int(self.lost.sum()),
+            "in_doubt": int(self.in_doubt.sum()),
             "particles_median": float(np.median(self.particles)) if len(self.particles) else None,
             "particles_max": int(self.particles.max()) if len(self.particles) else None,
             "ms_per_scan": self.ms_per_scan,
@@ -130,7 +138,7 @@ class Track:
     @property
     def sure_but_wrong(self) -> int:
         """Number of scans at which the localizer was sure although it was more than 0.5 m off."""
-        return int((self.known & ~self.lost & (self.errors > 0.5)).sum())
+        return int((self.known & self.sure & (self.errors > 0.5)).sum())
 
 
 def follow(
@@ -146,7 +154,7 @@ def follow(
     It starts at `initial_pose`, by default the reference of the first scan; with `globally`, without a pose. The estimate of a
     scan that did not count is the last one moved by the odometry. Raises LogError if there is no scan, or no pose to start from.
     """
-    rows: list[tuple[int, float, tuple[float, ...], tuple[float, ...], int, bool, float]] = []
+    rows: list[tuple[int, float, tuple[float, ...], tuple[float, ...], int, bool, bool, float]] = []
     clouds: dict[int, NDArray[np.float64]] = {}
     every, spent = 1, 0.0
     for n, frame in enumerate(frames):
@@ -165,13 +173,13 @@ def follow(
                 every *= 2
                 clouds = {row: poses for row, poses in clouds.items() if row % every == 0}
         count = details.get("particles", details.get("hypotheses", 0))
-        lost = latest is None or not is_sure(latest)
-        rows.append(
-            (frame.index, frame.scan.stamp, pose, reference, int(count), lost, details.get("explained", math.nan))
-        )
+        sure = latest is not None and is_sure(latest)
+        lost = not sure and bool(details.get("lost", True))
+        explained = details.get("explained", math.nan)
+        rows.append((frame.index, frame.scan.stamp, pose, reference, int(count), lost, sure, explained))
     if not rows:
         raise LogError("the log has no scan with odometry before it, so there is nothing to localize")
-    index, stamp, poses, references, count, lost, explained = zip(*rows, strict=True)
+    index, stamp, poses, references, count, lost, sure, shares = zip(*rows, strict=True)
     return Track(
         np.array(index, np.int64),
         np.array(stamp, np.float64),
@@ -179,7 +187,8 @@ def follow(
         np.array(references, np.float64),
         np.array(count, np.int64),
         np.array(lost, np.bool_),
-        np.array(explained, np.float64),
+        np.array(sure, np.bool_),
+        np.array(shares, np.float64),
         clouds,
         1e3 * spent / len(rows),
     )

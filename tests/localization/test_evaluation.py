@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from navstack.cli.app import run
-from navstack.core import InputError, LogError, Pose2D, Transform2D
+from navstack.core import InputError, LaserScan, LogError, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization.evaluation import follow
 from navstack.localization.methods import Method, methods
 from navstack.localization.searching import SURE_M, is_sure
 from navstack.logs import logged_scans, open_scan_log
 from navstack.map_io import load_map
-from navstack.plugins import PoseEstimate
+from navstack.plugins import Localizer, ParamModel, PoseEstimate
 from tests.localization.rooms import rooms
 from tests.logs.carmen_files import circle, write_corrected_log
 
@@ -54,6 +55,45 @@ def test_a_map_from_odd_scans_and_tracking_on_the_even_ones(
         assert len(np.unique(np.asarray(picture.convert("L")))) > 20
     with Image.open(tmp_path / "film.gif") as film:
         assert getattr(film, "n_frames", 1) == 8
+
+
+class Says(Localizer):
+    """A localizer at the origin that says what it is told about its pose, one scan after the other."""
+
+    class Params(ParamModel):
+        """None."""
+
+    def __init__(self, says: list[dict[str, bool]]) -> None:
+        self.says = says
+        self.found: PoseEstimate | None = None
+
+    def set_map(self, grid: OccupancyGrid) -> None:
+        """Not used."""
+
+    def set_pose(self, pose: Pose2D, covariance: NDArray[np.float64], stamp: float) -> None:
+        """Not used."""
+
+    def start_globally(self) -> None:
+        """Not used."""
+
+    def update(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> PoseEstimate | None:
+        details = self.says.pop(0)
+        self.found = PoseEstimate(Pose2D(0.0, 0.0), 1e-4 * np.eye(3), odometry.inverse(), scan.stamp, details)
+        return self.found
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        return self.found
+
+
+def test_in_doubt_is_not_lost(log_file: Path) -> None:
+    says = [{"lost": True, "certain": False}, {"lost": False, "certain": False}, {"lost": False, "certain": True}, {}]
+    frames = list(logged_scans(open_scan_log(log_file)))[: len(says)]
+    track = follow(frames, Says(says), globally=True)
+    assert track.lost.tolist() == [True, False, False, False]
+    assert track.in_doubt.tolist() == [False, True, False, False]
+    assert track.sure.tolist() == [False, False, True, True]
+    assert track.summary()["lost"] == track.summary()["in_doubt"] == 1
 
 
 @pytest.mark.slow
