@@ -104,7 +104,7 @@ class DockOptions(NamedTuple):
             obstacles=obstacles,
             shapes=shapes,
             seed=self.seed,
-            name=f"dock at {name}",
+            name=f"docking at {name}",
             names={
                 "map": path.name,
                 "params": [Path(str(one)).name for one in self.params],

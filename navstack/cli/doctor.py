@@ -200,3 +200,5 @@ def _print_diagnosis(out: Any, found: Diagnosis) -> None:
         out.print("[dim]also tried, each alone:[/]")
     for one in others[:_SHOWN]:
         out.print(f"  {one.cause.fix}: {one.effect}", markup=False, style="dim")
+    if len(others) > _SHOWN:
+        out.print(f"  and {len(others) - _SHOWN} with less effect", markup=False, style="dim")

@@ -453,6 +453,8 @@ def read_yaml(path: Path, shown: str | None = None, *, any_key: bool = False) ->
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as exc:
+        if b"\0" in data[:1024] and data[:2] not in (b"\xff\xfe", b"\xfe\xff"):  # an image or an archive, not UTF-16
+            return _unread(name, "not-utf8", "is not a text file; name a YAML file")
         line = data.count(b"\n", 0, exc.start) + 1
         column = exc.start - data.rfind(b"\n", 0, exc.start)
         at = Location(name, line, column)

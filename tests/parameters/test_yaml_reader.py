@@ -165,6 +165,15 @@ def test_bytes_that_are_not_utf8_are_located(tmp_path: Path) -> None:
     assert "UTF-8" in found.message
 
 
+def test_an_image_and_utf16_as_parameters(tmp_path: Path) -> None:
+    image, wide = tmp_path / "map.png", tmp_path / "wide.yaml"
+    image.write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
+    wide.write_text("a: 1\n", encoding="utf-16")
+    texts = [read_yaml(path).findings[0].message for path in (image, wide)]
+    assert texts[0].endswith("map.png is not a text file; name a YAML file")
+    assert texts[1].endswith("is not valid UTF-8; save the file as UTF-8")
+
+
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     assert [f.rule for f in read_yaml(tmp_path / "none.yaml").findings] == ["cannot-read"]
     assert [f.rule for f in read_yaml(tmp_path).findings] == ["cannot-read"]
