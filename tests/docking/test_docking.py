@@ -218,7 +218,7 @@ def test_steps_of_a_scenario_dock_and_undock(tmp_path: Path) -> None:
     assert len(reports) == 3
     texts = [line.text for line in reports[0].timeline if line.kind == "docking"]
     assert [text.partition(",")[0] for text in texts] == ["INITIAL_PERCEPTION", "CONTROLLING", "WAIT_FOR_CHARGE"]
-    assert "detections, the last at" in texts[0]
+    assert "1 detection, the last at" in texts[0]
     assert reports[0].duration == pytest.approx(result.goals[0].time_s, abs=0.05)
     again = write_scenario(wanted, tmp_path / "again.yaml")
     assert again.steps == wanted.steps
