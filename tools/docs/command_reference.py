@@ -80,6 +80,15 @@ def pages() -> dict[str, str]:
     return {PAGE: INTRODUCTION + "\n".join(rows) + options, **found}
 
 
+def on_config(config: Any) -> Any:
+    """Put a page per command into the navigation."""
+    for section in config["nav"]:
+        for inside in section.values():
+            if PAGE in inside:
+                inside[inside.index(PAGE)] = {"Command reference": list(pages())}
+    return config
+
+
 def on_files(files: Files, config: Any) -> Files:
     """Add the generated pages to the site."""
     for name, content in pages().items():
