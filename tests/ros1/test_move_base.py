@@ -48,6 +48,8 @@ buffer = tf2_ros.Buffer()
 listener2 = tf2_ros.TransformListener(buffer)
 client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
 client.wait_for_server()
+while not kept[4].get_num_connections():  # the first goal is published once
+    rospy.rostime.wallsleep(0.05)
 client.send_goal(goal(2.4, 7.45))
 found["simple states"] = [client.simple_state]
 client.wait_for_result()
