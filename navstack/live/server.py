@@ -601,13 +601,13 @@ async def serve(server: LiveServer, host: str, port: int, *, ready: Callable[[st
         raise server.failure
 
 
-def _is_fault_of_ours(record: logging.LogRecord) -> bool:
-    """False for a request that is no HTTP: it gets status 400, and the terminal shows nothing."""
+def _is_server_error(record: logging.LogRecord) -> bool:
+    """Return False for a malformed HTTP request, which is answered with status 400 and not logged."""
     return record.exc_info is None or not isinstance(record.exc_info[1], HttpProcessingError)
 
 
 _LOG: Final = logging.getLogger("navstack.live")
-_LOG.addFilter(_is_fault_of_ours)
+_LOG.addFilter(_is_server_error)
 
 
 class ServerThread:

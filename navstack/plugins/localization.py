@@ -78,8 +78,8 @@ def _poses_problem(value: Any) -> str:
 class Localizer(ABC):
     """A localizer takes odometry and scans in the order of their stamps and estimates map -> odom.
 
-    It reads no clock and draws its random numbers from a seed: equal inputs give equal estimates. One that returns something
-    else than its methods promise, or raises, ends the run with an InternalError that names it.
+    It reads no clock and draws its random numbers from a seed: equal inputs give equal estimates. One that returns anything
+    other than its methods promise, or raises, ends the run with an InternalError that names it.
     """
 
     Params: ClassVar[type[ParamModel]]

@@ -44,7 +44,7 @@ class Approach:
 class GoalChecker(ABC):
     """Decides whether the robot is at its goal.
 
-    A checker that returns something else than True or False, or raises, fails the goal with an InternalError that names it.
+    A checker that returns anything other than True or False, or raises, fails the goal with an InternalError that names it.
     """
 
     Params: ClassVar[type[ParamModel]]
@@ -144,7 +144,7 @@ def _local_path_problem(path: Any) -> str:
 class PathHandler(ABC):
     """Holds the plan and hands out the part of it that is to be followed.
 
-    A handler that returns something else than a LocalPath of finite poses, or raises, fails the goal with an InternalError that
+    A handler that returns anything other than a LocalPath of finite poses, or raises, fails the goal with an InternalError that
     names it.
     """
 
